@@ -63,7 +63,7 @@ impl Contact {
         let near = self.narrow_phase(threads);
         let kept = self.nearest(&near);
         let near = || kept.iter().map(|k| &near[*k as usize]);
-        self.see_squeezed(near());
+        self.squeeze.see(near());
         self.memory.caught.clear();
         self.memory
             .caught
@@ -93,7 +93,7 @@ impl Contact {
     /// The feature of `near` that pushes.
     fn pushing(&self, near: &ClosePair) -> Pushing {
         let expected = self.gap_along(&near.pair, &near.gap, &self.end);
-        let least = near.distance.min(expected) / self.thickness[near.body];
+        let least = near.distance.min(expected) / self.bodies.thickness[near.body];
         let depth = (1.0 - least).max(0.0);
         Pushing {
             of: feature(&near.pair, near.body, self.is_of_core(&near.pair)),
@@ -181,14 +181,14 @@ impl Contact {
             weights: gap.weights,
             normal: gap.normal,
             gap: distance,
-            thickness: self.thickness[body],
+            thickness: self.bodies.thickness[body],
             law,
-            pressure: self.pressure(pair, body, weighted / squares),
+            pressure: self.squeeze.push(pair, body, weighted / squares),
             mean_mass: weighted / squares,
             mass: 1.0 / inverse,
             base,
             drift,
-            friction: self.friction[body],
+            friction: self.bodies.friction[body],
             is_within: false,
             anchored: Some(own),
             pull: self.pull(own, gap.normal),
@@ -275,7 +275,7 @@ impl Contact {
             return None;
         }
         let body = self.other_body(pair);
-        let thickness = self.thickness[body];
+        let thickness = self.bodies.thickness[body];
         let at = match known {
             Some(collision) => 0.5 * collision.response.tangent.gap.min(0.5 * thickness),
             None => distance.min(LEAST * thickness),

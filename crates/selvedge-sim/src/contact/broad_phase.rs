@@ -41,7 +41,7 @@ impl Contact {
         let slack = |path_lengths: &PathLengths| {
             let slack = path_lengths.longest_way();
             let slack = slack.clamp(0.125 * reach.slack, reach.slack);
-            slack * f64::from(1_u32 << self.searches.min(WIDENINGS))
+            slack * f64::from(1_u32 << self.cache.searches.min(WIDENINGS))
         };
         let [own_slack, slack] = self.path_lengths.each_ref().map(slack);
         let reach = Reach {
@@ -49,28 +49,28 @@ impl Contact {
             own_slack,
             ..reach
         };
-        self.searches += 1;
-        self.ahead.clear();
+        self.cache.searches += 1;
+        self.cache.ahead.clear();
         let ways = self.start.iter().zip(&self.end);
         let most = FARTHEST_AHEAD * self.largest_thickness();
-        self.ahead.extend(ways.map(|(start, end)| {
+        self.cache.ahead.extend(ways.map(|(start, end)| {
             let further = (*end - *start) * (AHEAD - 1.0);
             *end + further.clamp_length_max(most)
         }));
         let ways = Ways {
             from: &self.start,
             to: &self.end,
-            later: &self.ahead,
+            later: &self.cache.ahead,
         };
         if anew || self.candidates.pairs().is_empty() {
             let kept = self.candidates.find(&self.mesh, ways, reach);
-            self.cached.truncate(kept);
+            self.cache.pairs.truncate(kept);
             self.ccd.begin();
         } else {
             self.candidates.widen(&self.mesh, ways, reach);
         }
         let count = self.candidates.pairs().len();
-        self.cached.resize(count, PairCache::NEW);
+        self.cache.pairs.resize(count, PairCache::NEW);
     }
 
     pub(super) fn reach(&self) -> Reach {

@@ -156,7 +156,7 @@ impl Contact {
         self.cover(false);
         self.look_ahead();
         let mut ccd = std::mem::take(&mut self.ccd);
-        let mut open = std::mem::take(&mut self.open);
+        let mut open = std::mem::take(&mut self.cache.open);
         let are_new = ccd.ends.is_empty();
         ccd.take(&self.end);
         let ways = [&self.start[..], &self.end[..]];
@@ -167,7 +167,7 @@ impl Contact {
         let moves = |face: u32| are_all || ccd.moved_faces[face as usize];
         self.candidates.open(&ccd.swept, moves, &mut open);
         let pairs = self.candidates.pairs();
-        let mut cached = std::mem::take(&mut self.cached);
+        let mut cached = std::mem::take(&mut self.cache.pairs);
         let failed = threads.find_in_pieces(&open, &mut cached, |before, open, cached, found| {
             for k in open.iter().map(|k| *k as usize) {
                 let (pair, cache) = (&pairs[k], &mut cached[k - before]);
@@ -184,8 +184,8 @@ impl Contact {
                 }
             }
         });
-        self.cached = cached;
-        self.open = open;
+        self.cache.pairs = cached;
+        self.cache.open = open;
         if first {
             self.counts.count(pairs.len(), &failed);
         }

@@ -40,7 +40,7 @@ impl Shift {
 impl Contact {
     /// Takes the frame as done: obstacles are where they were led to.
     pub(crate) fn arrive(&mut self) {
-        for shift in &mut self.shifts {
+        for shift in &mut self.bodies.shifts {
             *shift = Shift::at(shift.next);
         }
     }
@@ -59,7 +59,7 @@ impl Contact {
         &'a self,
         places: impl Fn(&'a Obstacle) -> P,
     ) -> Vec<DVec3> {
-        let bodies = self.obstacles.iter().zip(&self.shifts);
+        let bodies = self.bodies.obstacles.iter().zip(&self.bodies.shifts);
         let shifted =
             bodies.flat_map(|(obstacle, shift)| places(obstacle).map(|p| shift.now.of(p)));
         shifted.collect()

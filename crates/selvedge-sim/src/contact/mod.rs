@@ -94,53 +94,61 @@ pub(crate) struct Kept {
     received: impulses::ObstacleImpulses,
 }
 
-/// Contact in a scene.
-pub(crate) struct Contact {
-    settings: ContactSettings,
+/// The obstacles of a scene, as the cloth meets them.
+pub(crate) struct Bodies {
     obstacles: Vec<Obstacle>,
     /// Motion of each obstacle away from its own path, `[obstacles]`.
     pub(crate) shifts: Vec<Shift>,
-    mesh: CollisionMesh,
-    candidates: Candidates,
-    /// Searches for candidates since the start of the solve.
-    searches: u32,
-    /// ĝ of each body with the cloth `[m]`.
+    /// ĝ of each body with the cloth `[m]`; that of the cloth with itself first.
     thickness: Vec<f64>,
-    /// Coefficient of friction of each body with the cloth.
-    friction: Vec<f64>,
     /// The largest of them.
     most: f64,
-    /// Pairs that are too near in the flat cloth to push.
-    neighbours: active_set::Neighbours,
-    /// `[candidates]`
-    cached: Vec<PairCache>,
-    /// Boxes around the ways in the solve, and places of candidates that they leave open, in room that is
-    /// kept.
-    swept: SweptBoxes,
-    open: Vec<u32>,
-    mass: Vec<f64>,
-    /// Pushes under pressure, `[vertices]`.
-    pressures: Vec<pressure::Pressure>,
-    /// Mean mass per area of the cloth `[kg/m²]`.
-    density: f64,
-    /// Which are squeezed between bodies, and a side from which one pushes, `[vertices]`.
-    squeezed: Vec<bool>,
-    sides: Vec<DVec3>,
-    /// Inverse masses, 0 where prescribed `[1/kg]`, `[points]`.
-    inverse: Vec<f64>,
+    /// Coefficient of friction of each body with the cloth.
+    friction: Vec<f64>,
     /// Points of obstacles at the start and the end of the frame `[m]`.
     frame: [Vec<DVec3>; 2],
     /// Turn of each obstacle in the frame, less the identity, `[obstacles]`, and the part of the frame that a
     /// solve takes: what is round turns about its core.
     turns: Vec<DMat3>,
     part: f64,
+}
+
+/// What the broad and the narrow phase keep of the candidates.
+#[derive(Default)]
+struct Cache {
+    /// `[candidates]`
+    pairs: Vec<PairCache>,
+    /// Boxes around the ways in the solve, and places of candidates that they leave open, in room that is
+    /// kept.
+    swept: SweptBoxes,
+    open: Vec<u32>,
+    /// Searches for candidates since the start of the solve.
+    searches: u32,
+    /// Points some solves later, if they go on as they go `[m]`.
+    ahead: Vec<DVec3>,
+}
+
+/// Contact in a scene.
+pub(crate) struct Contact {
+    settings: ContactSettings,
+    pub(crate) bodies: Bodies,
+    mesh: CollisionMesh,
+    candidates: Candidates,
+    cache: Cache,
+    /// Of pairs of the cloth with itself, as [`OWN`], and of all, as [`WORLD`].
+    path_lengths: [PathLengths; 2],
+    /// Pairs that are too near in the flat cloth to push.
+    neighbours: active_set::Neighbours,
+    ccd: ccd::CcdState,
+    squeeze: pressure::Squeeze,
+    mass: Vec<f64>,
+    /// Inverse masses, 0 where prescribed `[1/kg]`, `[points]`.
+    inverse: Vec<f64>,
     /// Number of the frame at its end.
     next_frame: usize,
     /// All points at the start and the end of a solve `[m]`.
     start: Vec<DVec3>,
     end: Vec<DVec3>,
-    /// Points some solves later, if they go on as they go `[m]`.
-    ahead: Vec<DVec3>,
     /// State at the start of a solve.
     before: State,
     history: HistoryUse,
@@ -154,9 +162,6 @@ pub(crate) struct Contact {
     pub(crate) yielded: Vec<YieldedContact>,
     pub(crate) counts: ContactCounts,
     received: impulses::ObstacleImpulses,
-    ccd: ccd::CcdState,
-    /// Of pairs of the cloth with itself, as [`OWN`], and of all, as [`WORLD`].
-    path_lengths: [PathLengths; 2],
 }
 
 impl Contact {
@@ -177,31 +182,28 @@ impl Contact {
         let friction = std::iter::once(settings.friction).chain(obstacles().map(rough));
         let count = points.len();
         let obstacle_points = points[mass.len()..].to_vec();
-        let (pressures, density) = pressure::of_vertices(scene, mass);
         let corners: Vec<[DVec2; 3]> = scene.mesh.pattern().faces().collect();
-        Some(Self {
-            candidates: Candidates::new(&surface, &points, settings.self_contact)
-                .with_pattern(&surface, &corners),
-            searches: 0,
+        let bodies = Bodies {
+            obstacles: scene.obstacles.clone(),
+            shifts: vec![Shift::default(); scene.obstacles.len()],
             most: thickness.iter().copied().fold(0.0, f64::max),
             thickness,
             friction: friction.collect(),
-            neighbours: active_set::Neighbours::new(scene),
-            cached: Vec::new(),
-            swept: SweptBoxes::default(),
-            open: Vec::new(),
-            mass: mass.to_vec(),
-            pressures,
-            density,
-            squeezed: vec![false; mass.len()],
-            sides: vec![DVec3::ZERO; mass.len()],
-            inverse: vec![0.0; count],
             frame: [obstacle_points.clone(), obstacle_points],
             turns: vec![DMat3::ZERO; scene.obstacles.len()],
             part: 0.0,
+        };
+        Some(Self {
+            candidates: Candidates::new(&surface, &points, settings.self_contact)
+                .with_pattern(&surface, &corners),
+            bodies,
+            cache: Cache::default(),
+            neighbours: active_set::Neighbours::new(scene),
+            squeeze: pressure::Squeeze::of(scene, mass),
+            mass: mass.to_vec(),
+            inverse: vec![0.0; count],
             next_frame: 0,
             start: points.clone(),
-            ahead: Vec::with_capacity(count),
             end: points,
             before: State::at_origin(mass.len()),
             history: HistoryUse::Kept,
@@ -213,8 +215,6 @@ impl Contact {
             received: impulses::ObstacleImpulses::none(scene.obstacles.len()),
             ccd: ccd::CcdState::default(),
             path_lengths: [PathLengths::new(mass.len()), PathLengths::new(count)],
-            obstacles: scene.obstacles.clone(),
-            shifts: vec![Shift::default(); scene.obstacles.len()],
             settings,
             mesh: surface,
         })
@@ -248,7 +248,7 @@ impl Contact {
 
     /// Largest ĝ `[m]`.
     pub(crate) fn largest_thickness(&self) -> f64 {
-        self.most
+        self.bodies.most
     }
 
     /// A face in words.
@@ -258,10 +258,13 @@ impl Contact {
         let number = face - bodies[body].faces.start;
         match body.checked_sub(1) {
             None => format!("face {number} of the cloth"),
-            Some(k) if self.obstacles[k].core().is_some() => {
-                format!("obstacle {:?}", self.obstacles[k].name())
+            Some(k) if self.bodies.obstacles[k].core().is_some() => {
+                format!("obstacle {:?}", self.bodies.obstacles[k].name())
             }
-            Some(k) => format!("face {number} of obstacle {:?}", self.obstacles[k].name()),
+            Some(k) => format!(
+                "face {number} of obstacle {:?}",
+                self.bodies.obstacles[k].name()
+            ),
         }
     }
 
@@ -269,23 +272,23 @@ impl Contact {
     pub(crate) fn body_name(&self, face: u32) -> Option<String> {
         let bodies = self.mesh.bodies();
         let body = bodies.partition_point(|body| body.faces.end <= face);
-        let obstacle = body.checked_sub(1).map(|k| &self.obstacles[k]);
+        let obstacle = body.checked_sub(1).map(|k| &self.bodies.obstacles[k]);
         obstacle.map(|obstacle| obstacle.name().to_owned())
     }
 
     /// Takes the places of obstacles for the step from `frame` on, at `rate` frames per second.
     pub(crate) fn enter_frame(&mut self, frame: usize, rate: f64) {
         self.next_frame = frame + 1;
-        for (k, points) in self.frame.iter_mut().enumerate() {
+        for (k, points) in self.bodies.frame.iter_mut().enumerate() {
             points.clear();
-            for (obstacle, shift) in self.obstacles.iter().zip(&self.shifts) {
+            for (obstacle, shift) in self.bodies.obstacles.iter().zip(&self.bodies.shifts) {
                 let shift = [shift.now, shift.next][k];
                 let places = CollisionMesh::places_of(obstacle, (frame + k) as f64 / rate);
                 points.extend(places.map(|p| shift.of(p)));
             }
         }
-        let bodies = self.obstacles.iter().zip(&self.shifts);
-        for (own, (obstacle, shift)) in self.turns.iter_mut().zip(bodies) {
+        let bodies = self.bodies.obstacles.iter().zip(&self.bodies.shifts);
+        for (own, (obstacle, shift)) in self.bodies.turns.iter_mut().zip(bodies) {
             let turn = |k: usize, shift: &Rigid| {
                 shift.turn * obstacle.rigid_place((frame + k) as f64 / rate).0
             };
@@ -340,7 +343,7 @@ impl Contact {
 
     /// Names of the obstacles that received momentum since [`Self::forget_received`].
     pub(crate) fn pushers(&self) -> Vec<String> {
-        let pairs = self.obstacles.iter().zip(&self.received.all);
+        let pairs = self.bodies.obstacles.iter().zip(&self.received.all);
         let pushers = pairs.filter(|(_, momentum)| **momentum != DVec3::ZERO);
         pushers
             .map(|(obstacle, _)| obstacle.name().to_owned())
@@ -363,7 +366,9 @@ impl Contact {
     /// `[m]`; along `normal`, the gap's direction.
     fn turned(&self, pair: &Pair, body: usize, normal: DVec3) -> DVec3 {
         match body.checked_sub(1) {
-            Some(own) => self.turns[own] * normal * (-self.mesh.radius_of(pair) * self.part),
+            Some(own) => {
+                self.bodies.turns[own] * normal * (-self.mesh.radius_of(pair) * self.bodies.part)
+            }
             None => DVec3::ZERO,
         }
     }
@@ -391,7 +396,7 @@ impl Contact {
                 .map(|p| VertexId(p - body.points.start).to_string());
             let kind = ["vertex", "edge", "face"][corners.len() - 1];
             let feature = format!("{kind} {}", own.collect::<Vec<_>>().join("-"));
-            match number.checked_sub(1).map(|k| &self.obstacles[k]) {
+            match number.checked_sub(1).map(|k| &self.bodies.obstacles[k]) {
                 None => feature,
                 Some(round) if round.core().is_some() => format!("obstacle {:?}", round.name()),
                 Some(mesh) => format!("{feature} of obstacle {:?}", mesh.name()),

@@ -55,11 +55,13 @@ impl Contact {
     /// those that are used up anew; keeps the directions of gaps, along which most pairs will be
     /// certified.
     pub(super) fn narrow_phase(&mut self, threads: Threads) -> Vec<ClosePair> {
-        let mut cached = std::mem::take(&mut self.cached);
-        let mut open = std::mem::take(&mut self.open);
+        let mut cached = std::mem::take(&mut self.cache.pairs);
+        let mut open = std::mem::take(&mut self.cache.open);
         let ways = [&self.start[..], &self.end[..]];
-        self.swept.take(&self.mesh, ways, self.most, false);
-        self.candidates.open(&self.swept, |_| true, &mut open);
+        self.cache
+            .swept
+            .take(&self.mesh, ways, self.bodies.most, false);
+        self.candidates.open(&self.cache.swept, |_| true, &mut open);
         let near = threads.find_in_pieces(&open, &mut cached, |first, open, cached, near| {
             let pairs = &self.candidates.pairs()[first..first + cached.len()];
             let part = Part {
@@ -69,8 +71,8 @@ impl Contact {
             };
             self.narrow_phase_of(open, part, near);
         });
-        self.cached = cached;
-        self.open = open;
+        self.cache.pairs = cached;
+        self.cache.open = open;
         near
     }
 
@@ -80,7 +82,7 @@ impl Contact {
         for k in open.iter().map(|k| k - part.first as u32) {
             let (pair, cache) = (&part.pairs[k as usize], &part.cached[k as usize]);
             let path_lengths = self.path_lengths_of(part.first + k as usize);
-            let is_apart = path_lengths.surely_apart(cache.budget, pair, self.most);
+            let is_apart = path_lengths.surely_apart(cache.budget, pair, self.bodies.most);
             if cache.pushes != Pushes::Never && !is_apart {
                 of_kinds[pair.kind as usize].push(k);
             }
@@ -116,13 +118,13 @@ impl Contact {
         let known = cache.in_solve(self.ccd.solve);
         (known.direction, known.extent) = (now.normal, gaps.extent[lane] - radius);
         let body = self.other_body(pair);
-        let thickness = self.thickness[body];
+        let thickness = self.bodies.thickness[body];
         let path = Path {
             from: pair.places(&self.start),
             to: pair.places(&self.end),
         };
         let is_far = || {
-            now.distance - path_lengths.approach(pair) > self.most
+            now.distance - path_lengths.approach(pair) > self.bodies.most
                 || path.axes_gap(pair.kind) - radius > thickness
         };
         if now.distance >= thickness && is_far() {

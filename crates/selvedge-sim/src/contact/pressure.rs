@@ -6,7 +6,6 @@ use selvedge_cloth::Scene;
 use selvedge_cloth::geometry::exp;
 use selvedge_contact::{Kind, Pair};
 
-use super::Contact;
 use super::barrier::Tangent;
 use super::narrow_phase::ClosePair;
 
@@ -74,41 +73,56 @@ impl Pressure {
     }
 }
 
-/// The push of each vertex, `[vertices]`, and the mean mass per area of the cloth `[kg/m²]`, of whose
-/// vertices these are the masses.
-pub(super) fn of_vertices(scene: &Scene, mass: &[f64]) -> (Vec<Pressure>, f64) {
-    let (materials, of_face) = scene.materials();
-    let constants: Vec<_> = materials
-        .iter()
-        .map(|material| material.compression.constants())
-        .collect();
-    let mut sums = vec![[0.0; 3]; mass.len()];
-    let faces = scene.mesh.topology().faces().iter();
-    for ((face, shape), number) in faces.zip(scene.mesh.pattern().faces()).zip(of_face) {
-        let [a, b, c] = shape;
-        let third = (b - a).perp_dot(c - a).abs() / 6.0;
-        let [least, rise] = constants[number];
-        for vertex in face {
-            let sum = &mut sums[vertex.index()];
-            for (sum, part) in sum.iter_mut().zip([1.0, least, rise]) {
-                *sum += third * part;
-            }
-        }
-    }
-    let all: f64 = sums.iter().map(|[area, ..]| area).sum();
-    let pressures = sums.iter().map(|[area, least, rise]| Pressure {
-        least: *least,
-        rise: rise / area,
-        begin: 1.0,
-        firm: FIRM * area,
-    });
-    (pressures.collect(), mass.iter().sum::<f64>() / all)
+/// Cloth that bodies squeeze.
+pub(super) struct Squeeze {
+    /// Push of each vertex, `[vertices]`.
+    pressures: Vec<Pressure>,
+    /// Mean mass per area of the cloth `[kg/m²]`.
+    density: f64,
+    /// Which are squeezed between bodies, and a side from which one pushes, `[vertices]`.
+    squeezed: Vec<bool>,
+    sides: Vec<DVec3>,
 }
 
-impl Contact {
+impl Squeeze {
+    /// None yet, of a scene whose vertices have this `mass` `[kg]`.
+    pub(super) fn of(scene: &Scene, mass: &[f64]) -> Self {
+        let (materials, of_face) = scene.materials();
+        let constants: Vec<_> = materials
+            .iter()
+            .map(|material| material.compression.constants())
+            .collect();
+        let mut sums = vec![[0.0; 3]; mass.len()];
+        let faces = scene.mesh.topology().faces().iter();
+        for ((face, shape), number) in faces.zip(scene.mesh.pattern().faces()).zip(of_face) {
+            let [a, b, c] = shape;
+            let third = (b - a).perp_dot(c - a).abs() / 6.0;
+            let [least, rise] = constants[number];
+            for vertex in face {
+                let sum = &mut sums[vertex.index()];
+                for (sum, part) in sum.iter_mut().zip([1.0, least, rise]) {
+                    *sum += third * part;
+                }
+            }
+        }
+        let all: f64 = sums.iter().map(|[area, ..]| area).sum();
+        let pressures = sums.iter().map(|[area, least, rise]| Pressure {
+            least: *least,
+            rise: rise / area,
+            begin: 1.0,
+            firm: FIRM * area,
+        });
+        Self {
+            pressures: pressures.collect(),
+            density: mass.iter().sum::<f64>() / all,
+            squeezed: vec![false; mass.len()],
+            sides: vec![DVec3::ZERO; mass.len()],
+        }
+    }
+
     /// Sees which vertices of the cloth are squeezed: bodies push them from two opposite sides, as the
     /// fingers of a hand do. What lies, hangs or falls on one bears softly, with the barrier alone.
-    pub(super) fn see_squeezed<'a>(&mut self, near: impl Iterator<Item = &'a ClosePair>) {
+    pub(super) fn see<'a>(&mut self, near: impl Iterator<Item = &'a ClosePair>) {
         self.squeezed.fill(false);
         self.sides.fill(DVec3::ZERO);
         for near in near.filter(|near| near.body > 0 && near.pair.kind == Kind::VertexFace) {
@@ -127,7 +141,7 @@ impl Contact {
 
     /// The push of a pair of this mean mass `[kg]` with a body under pressure, where the cloth is squeezed:
     /// each vertex bears for its own area.
-    pub(super) fn pressure(&self, pair: &Pair, body: usize, mean_mass: f64) -> Pressure {
+    pub(super) fn push(&self, pair: &Pair, body: usize, mean_mass: f64) -> Pressure {
         let is_squeezed = |corner: &u32| self.squeezed.get(*corner as usize) == Some(&true);
         if body == 0 || !pair.corners.iter().any(is_squeezed) {
             return Pressure::NONE;

@@ -136,7 +136,7 @@ impl Contact {
             let inverse = pair.corners.map(|p| self.inverse[p as usize]);
             let gap = &impact.gap;
             let start = self.gap_along(pair, gap, &self.start);
-            let goal = (PUSHED_TO * self.thickness[body]).min(start);
+            let goal = (PUSHED_TO * self.bodies.thickness[body]).min(start);
             let goal = goal.max(ABOVE_FLOOR * floor) + self.mesh.radius_of(pair);
             let Some(push) = push(gap, pair.places(&self.end), inverse, goal) else {
                 continue;
@@ -157,7 +157,7 @@ impl Contact {
     /// pair since the start.
     fn push_friction(&mut self, pair: &Pair, body: usize, gap: &Gap, size: f64) {
         let (normal, weights) = (gap.normal, gap.weights);
-        let most = self.friction[body] * size;
+        let most = self.bodies.friction[body] * size;
         let (mut slip, mut mobility) = (self.turned(pair, body, normal), 0.0);
         for (corner, weight) in pair.corners.iter().zip(weights) {
             let p = *corner as usize;

@@ -138,7 +138,7 @@ impl Contact {
         });
         let comes = met.iter().any(|(p, _)| {
             let way = self.start[*p as usize].distance(self.end[*p as usize]);
-            way > CLOSING * self.thickness[body]
+            way > CLOSING * self.bodies.thickness[body]
         });
         let found = match (self.sides(pair, impact, around), &whole) {
             ([a, b], Some(own)) if led >= LED && (at_last || comes) => {
@@ -243,7 +243,7 @@ impl Contact {
 
     /// Names of the obstacles that squeeze the first pair that failed and is squeezed.
     pub(super) fn squeezers(&self) -> Vec<String> {
-        let name = |side: &Side| self.obstacles[side.body - 1].name().to_owned();
+        let name = |side: &Side| self.bodies.obstacles[side.body - 1].name().to_owned();
         let around = self.around_failed();
         let squeezed = self.failed().find_map(|(pair, impact)| {
             let [Some(a), Some(b)] = self.sides(pair, impact, &around) else {
@@ -352,7 +352,7 @@ impl Contact {
     /// Returns true if two bodies come nearer to each other than one layer needs. What stands still
     /// squeezes nothing: cloth that is drawn in between yields to shorter steps.
     fn squeeze(&self, a: &Side, b: &Side) -> bool {
-        let need = 0.5 * (self.thickness[a.body] + self.thickness[b.body]);
+        let need = 0.5 * (self.bodies.thickness[a.body] + self.bodies.thickness[b.body]);
         a.distance + b.distance < need && a.way + b.way > CLOSING * need
     }
 
@@ -389,7 +389,7 @@ impl Contact {
         if self.memory.released.is_empty() {
             return;
         }
-        let points = [positions, &self.frame[0]].concat();
+        let points = [positions, &self.bodies.frame[0]].concat();
         let (free, mut kept): (Vec<_>, Vec<_>) = self.memory.released.iter().partition(|one| {
             let now = self.winding(one.body as usize, &points, points[one.vertex as usize]);
             (now - one.winding).abs() < 0.5
@@ -417,7 +417,7 @@ impl Contact {
                 let body = self.other_body(pair);
                 let distance =
                     gap(pair.kind, pair.places(&points)).distance - self.mesh.radius_of(pair);
-                if body > 0 && distance < LEAST * self.thickness[body] {
+                if body > 0 && distance < LEAST * self.bodies.thickness[body] {
                     note(&pair.corners);
                 }
             }
@@ -478,7 +478,7 @@ impl Contact {
             let distance = self.gap_along(pair, gap, &self.start);
             let body = self.other_body(pair);
             let is_free = self.inverse[pair.first as usize] > 0.0;
-            (is_free && distance < self.thickness[body]).then(|| {
+            (is_free && distance < self.bodies.thickness[body]).then(|| {
                 let collision = self.collision_of(pair, body, gap, distance, PairLaw::Out);
                 Collision {
                     friction: 0.0,
@@ -492,7 +492,7 @@ impl Contact {
 
     /// Times that a body winds around a place, its points at `points` `[m]`, `[points]`.
     fn winding(&self, body: usize, points: &[DVec3], place: DVec3) -> f64 {
-        if self.obstacles[body - 1].core().is_some() {
+        if self.bodies.obstacles[body - 1].core().is_some() {
             let first = self.mesh.bodies()[body].points.start;
             let [_, b, c] = self.mesh.faces()[self.mesh.bodies()[body].faces.start as usize];
             let [a, b, c] = [first, b, c].map(|p| points[p as usize]);

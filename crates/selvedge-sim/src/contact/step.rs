@@ -15,9 +15,6 @@ use crate::threads::Threads;
 /// Times that a solve is repeated, at most, with pairs that met unexpectedly and without those that
 /// pulled.
 const REPEATS: usize = 8;
-/// Repeats after which another one is in vain that leaves no fewer pairs without a certificate: pushes
-/// after the solve part them.
-const PATIENCE: usize = 1;
 /// Of the repeats, those that see whether firm collisions stick or slide.
 const STICKING: usize = 2;
 
@@ -119,12 +116,7 @@ impl Contact {
     ) -> Result<bool, SolveError> {
         let mut is_near = self.solve_first(left, span, active, state, history)?;
         let mut is_certified = self.is_collision_free(span.threads, &state.positions);
-        let mut missed = usize::MAX;
         for repeat in 0..REPEATS {
-            let before = std::mem::replace(&mut missed, self.failed().count());
-            if repeat > PATIENCE && missed > 0 && missed >= before {
-                break;
-            }
             let collisions = &mut active.system.collisions;
             let has_released = self.release(collisions);
             let has_caught = !is_certified && self.catch(collisions);
@@ -209,8 +201,8 @@ impl Contact {
     /// Puts the points at the start of a solve, and obstacles at its end; parts of the frame.
     fn begin_step(&mut self, positions: &[DVec3], now: f64, end: f64) {
         self.ccd.begin();
-        self.searches = 0;
-        self.part = end - now;
+        self.cache.searches = 0;
+        self.bodies.part = end - now;
         let cloth = positions.len();
         let middle = |all: &[DVec3]| all.iter().sum::<DVec3>() / cloth as f64;
         let way = middle(positions) - middle(&self.start[..cloth]);
@@ -225,7 +217,7 @@ impl Contact {
         for (p, place) in positions.iter().enumerate() {
             put(p, *place);
         }
-        let [from, to] = &self.frame;
+        let [from, to] = &self.bodies.frame;
         for (k, (from, to)) in from.iter().zip(to).enumerate() {
             put(cloth + k, from.lerp(*to, now));
             self.end[cloth + k] = from.lerp(*to, end);

@@ -119,12 +119,12 @@ impl Simulator {
             }
         };
         let contact = self.contact.as_ref();
-        let before = contact.map(|contact| (contact.shifts.clone(), contact.memory.clone()));
+        let before = contact.map(|contact| (contact.bodies.shifts.clone(), contact.memory.clone()));
         self.shift_obstacles(&checkpoint.obstacles);
         self.put_contact(checkpoint);
         if let Err(error) = self.check_meeting(checkpoint.frame, &checkpoint.positions) {
             if let (Some(contact), Some((shifts, memory))) = (&mut self.contact, before) {
-                contact.shifts = shifts;
+                contact.bodies.shifts = shifts;
                 contact.remember_saved(memory);
             }
             return Err(error);

@@ -210,21 +210,27 @@ impl Simulator {
     }
 
     fn obstacle_shift(&mut self, number: usize) -> Option<&mut Shift> {
-        self.contact.as_mut()?.shifts.get_mut(number)
+        self.contact.as_mut()?.bodies.shifts.get_mut(number)
     }
 
     /// Motions from their own paths to where the obstacles are led in the next frame, `[obstacles]`.
     #[must_use]
     pub fn obstacle_leads(&self) -> Vec<Rigid> {
         let contact = self.contact.iter();
-        contact.flat_map(|c| &c.shifts).map(|s| s.next).collect()
+        contact
+            .flat_map(|c| &c.bodies.shifts)
+            .map(|s| s.next)
+            .collect()
     }
 
     /// Motions of the obstacles away from their own paths now, `[obstacles]`.
     #[must_use]
     pub fn obstacle_offsets(&self) -> Vec<Rigid> {
         let contact = self.contact.iter();
-        contact.flat_map(|c| &c.shifts).map(|s| s.now).collect()
+        contact
+            .flat_map(|c| &c.bodies.shifts)
+            .map(|s| s.now)
+            .collect()
     }
 
     /// Momentum that each obstacle received from the cloth over the last frame

@@ -93,7 +93,7 @@ impl Simulator {
         into.changes.1 = seconds;
         if let Some(contact) = &self.contact {
             contact.carry(&mut into.contact);
-            into.shifts.clone_from(&contact.shifts);
+            into.shifts.clone_from(&contact.bodies.shifts);
         }
     }
 
@@ -106,7 +106,7 @@ impl Simulator {
         self.active.system.put_changes(changes, *seconds);
         if let Some(contact) = &mut self.contact {
             contact.put_back(&from.contact);
-            contact.shifts.clone_from(&from.shifts);
+            contact.bodies.shifts.clone_from(&from.shifts);
         }
     }
 
