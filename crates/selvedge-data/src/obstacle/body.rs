@@ -79,7 +79,7 @@ pub enum Sides {
 pub struct Sphere {
     /// Radius `[m]`.
     pub radius: f64,
-    /// Longest edge of its mesh `[m]`; 0.15 of the radius where none is given.
+    /// Longest edge of the mesh that is drawn `[m]`; 0.15 of the radius where none is given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub edge: Option<f64>,
 }
