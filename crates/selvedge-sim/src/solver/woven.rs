@@ -34,8 +34,11 @@ pub(crate) struct Woven {
     diagonal: Vec<Mat3A>,
     /// C⁻¹ of each block C Cᵀ on the diagonal of P, `[unknowns]`.
     inverse: Vec<Mat3A>,
-    /// Couplings that the pattern does not have: column and row.
-    added: Vec<(u32, u32)>,
+    /// Couplings by column: where those of each column end, and row and block of each, in their own order.
+    ends: Vec<u32>,
+    couplings: Vec<(u32, Mat3A)>,
+    /// Rows of a column that the pattern does not have.
+    added: Vec<u32>,
     /// While a column is eliminated, 1 + the place of its block in each row; else 0.
     places: Vec<u32>,
     /// Size of each block of the column, and of all others whose products with it are dropped.
@@ -59,28 +62,39 @@ impl Woven {
             let is_free = (a.max(b) as usize) < count;
             is_free.then(|| ((a.min(b), a.max(b)), block))
         });
-        self.added.clear();
-        let of_pattern = |column: u32, row: u32| {
-            let mut below = pattern.below(column as usize);
-            below.any(|(_, other)| other == row)
-        };
-        let new = couplings.clone().map(|(place, _)| place);
-        self.added.extend(new);
-        self.added.sort_unstable();
-        self.added.dedup();
-        self.added
-            .retain(|(column, row)| !of_pattern(*column, *row));
+        self.sort_by_column(count, couplings, scale);
         self.take(pattern, blocks);
-        for ((column, row), block) in couplings {
-            let range = self.column(column as usize);
-            if let Ok(place) = self.rows[range.clone()].binary_search(&row) {
-                self.blocks[range.start + place] += to_single(block * scale);
-            }
-        }
         self.eliminate();
     }
 
-    /// Takes the blocks of the pattern, with room for those that are added.
+    /// Takes the couplings, column by column.
+    fn sort_by_column(
+        &mut self,
+        count: usize,
+        couplings: impl Iterator<Item = ((u32, u32), DMat3)> + Clone,
+        scale: f64,
+    ) {
+        self.ends.clear();
+        self.ends.resize(count + 1, 0);
+        for ((column, _), _) in couplings.clone() {
+            self.ends[column as usize + 1] += 1;
+        }
+        let mut sum = 0;
+        for end in &mut self.ends {
+            sum += *end;
+            *end = sum;
+        }
+        self.couplings.clear();
+        self.couplings.resize(sum as usize, (0, Mat3A::ZERO));
+        // Each column's begin goes to its end, which is the next one's begin.
+        for ((column, row), block) in couplings {
+            let next = &mut self.ends[column as usize];
+            self.couplings[*next as usize] = (row, to_single(block * scale));
+            *next += 1;
+        }
+    }
+
+    /// Takes the blocks of the pattern and those of the couplings.
     fn take(&mut self, pattern: &Pattern, blocks: &[Mat3A]) {
         let count = pattern.unknown_count();
         self.diagonal.clear();
@@ -89,23 +103,44 @@ impl Woven {
         self.starts.push(0);
         self.rows.clear();
         self.blocks.clear();
-        let mut added = self.added.iter().peekable();
-        for column in 0..count as u32 {
-            let mut next = |before: u32| {
-                let entry = added.next_if(|(own, row)| *own == column && *row < before);
-                entry.map(|(_, row)| *row)
-            };
-            for (slot, row) in pattern.below(column as usize) {
-                while let Some(row) = next(row) {
-                    self.rows.push(row);
+        self.places.clear();
+        self.places.resize(count, 0);
+        let mut first = 0;
+        for column in 0..count {
+            let last = self.ends[column] as usize;
+            let own = &self.couplings[std::mem::replace(&mut first, last)..last];
+            let start = self.rows.len();
+            for (_, row) in pattern.below(column) {
+                self.places[row as usize] = u32::MAX;
+            }
+            self.added.clear();
+            for (row, _) in own {
+                let place = &mut self.places[*row as usize];
+                if *place == 0 {
+                    *place = u32::MAX;
+                    self.added.push(*row);
+                }
+            }
+            self.added.sort_unstable();
+            let mut added = self.added.iter().copied().peekable();
+            for (slot, row) in pattern.below(column) {
+                while let Some(new) = added.next_if(|new| *new < row) {
+                    self.rows.push(new);
                     self.blocks.push(Mat3A::ZERO);
                 }
                 self.rows.push(row);
                 self.blocks.push(blocks[slot as usize]);
             }
-            while let Some(row) = next(u32::MAX) {
-                self.rows.push(row);
-                self.blocks.push(Mat3A::ZERO);
+            self.rows.extend(added);
+            self.blocks.resize(self.rows.len(), Mat3A::ZERO);
+            for (k, row) in (start as u32..).zip(&self.rows[start..]) {
+                self.places[*row as usize] = k;
+            }
+            for (row, block) in own {
+                self.blocks[self.places[*row as usize] as usize] += *block;
+            }
+            for row in &self.rows[start..] {
+                self.places[*row as usize] = 0;
             }
             self.starts.push(self.rows.len() as u32);
         }
@@ -119,8 +154,6 @@ impl Woven {
     fn eliminate(&mut self) {
         let count = self.diagonal.len();
         self.lower.clone_from(&self.blocks);
-        self.places.clear();
-        self.places.resize(count, 0);
         // Holds the blocks of P on the diagonal while they are being formed.
         self.inverse.clone_from(&self.diagonal);
         for column in 0..count {
