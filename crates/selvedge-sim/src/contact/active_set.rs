@@ -190,6 +190,7 @@ impl Contact {
             drift,
             friction: self.bodies.friction[body],
             is_within: false,
+            is_of_core: self.is_of_core(pair),
             anchored: Some(own),
             pull: self.pull(own, gap.normal),
             sticking: Sticking::Unknown,
@@ -239,8 +240,9 @@ impl Contact {
             let of = key(pair);
             let place =
                 collisions.list[..sorted].binary_search_by_key(&pair.corners, |t| t.corners);
-            let late = || (sorted..count).find(|k| collisions.list[*k].pair == of);
-            let place = place.ok().or_else(late);
+            let is_same = |k: &usize| collisions.list[*k].is_same_place(of, &impact.gap);
+            let place = place.ok().filter(is_same);
+            let place = place.or_else(|| (sorted..count).find(is_same));
             let known = place.map(|k| &collisions.list[k]);
             let Some((near, collision)) = self.caught(pair, impact.gap, known) else {
                 continue;

@@ -2,6 +2,7 @@
 
 use glam::{DMat3, DVec3, Mat3A};
 use selvedge_cloth::Touching;
+use selvedge_contact::Gap;
 
 use super::barrier::{Barrier, Tangent};
 use super::friction::{along_surface, drag, outer};
@@ -23,6 +24,9 @@ const SLID: f64 = 0.98;
 const NEARLY: f64 = 0.1;
 const SMALL: f64 = 0.03;
 const STRAIGHT: f64 = 0.98;
+
+/// Difference of a weight from which a face meets a round body at another place.
+const SAME_PLACE: f64 = 0.15;
 
 /// Speed at which a vertex is pushed out of a body `[m/s]`, and acceleration, at most `[m/s²]`.
 const OUT_SPEED: f64 = 0.25;
@@ -58,6 +62,8 @@ pub(crate) struct Collision {
     /// True if the cloth's corners are of one edge or one face, whose vertices the matrix of the
     /// cloth couples already.
     pub(super) is_within: bool,
+    /// True if a face of the cloth meets the core of a round body.
+    pub(super) is_of_core: bool,
     /// Feature that has an anchor; none where friction does not hold.
     pub(super) anchored: Option<Touching>,
     /// Pull of the anchor at the start, along the surface `[N]`.
@@ -123,6 +129,14 @@ pub(crate) struct Collisions {
 }
 
 impl Collision {
+    /// Returns true if a pair with this `gap` is that of the collision and pushes about where it does: a
+    /// round body that slides over a face pushes at several places of it.
+    pub(super) fn is_same_place(&self, of: Touching, gap: &Gap) -> bool {
+        let own = self.weights.iter().zip(gap.weights).skip(1);
+        let apart = own.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        self.pair == of && (!self.is_of_core || apart < SAME_PLACE)
+    }
+
     /// Displacement of the first side against the second since the start of the substep `[m]`.
     #[inline]
     pub(super) fn displacement(&self, cloth: impl Fn(usize) -> DVec3) -> DVec3 {
@@ -456,6 +470,7 @@ mod tests {
             drift: DVec3::ZERO,
             friction,
             is_within: false,
+            is_of_core: false,
             anchored: None,
             pull: DVec3::ZERO,
             sticking: Sticking::Unknown,
