@@ -159,10 +159,10 @@ mod tests {
         };
         let paper = selvedge::Model::open(Some("paper".as_ref())).unwrap();
         let selvedge::Model { name, model } = paper;
-        assert_eq!(untrained(&name, &model, &hold(&[0, 2], 0.0)), None);
+        assert_eq!(untrained(&name, &model, &influences(&[0, 2], 0.0)), None);
         let mut silent = Model::clone(&model);
         silent.training = String::new();
-        assert_eq!(untrained(&name, &silent, &hold(&[], 9.0)), None);
+        assert_eq!(untrained(&name, &silent, &influences(&[], 9.0)), None);
         for (held, wind, words) in [
             (
                 &[0, 2][..],
