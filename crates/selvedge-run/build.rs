@@ -3,35 +3,33 @@
 
 use std::fs;
 use std::hash::{DefaultHasher, Hasher};
-use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 fn main() {
-    let mut hasher = DefaultHasher::new();
     // Beside this crate in its repository; as packages of a registry they have their versions.
-    for source in [
-        "selvedge-cloth/src",
-        "selvedge-contact/src",
-        "selvedge-sim/src",
-        "../Cargo.lock",
-    ] {
-        let source = Path::new("..").join(source);
-        if take(&source, &mut hasher).is_ok() {
-            println!("cargo::rerun-if-changed={}", source.display());
+    let sources = [
+        "cloth/src",
+        "contact/src",
+        "sim/src",
+        "run/../../Cargo.lock",
+    ];
+    let sources = sources.map(|source| Path::new("..").join(format!("selvedge-{source}")));
+    let mut open: Vec<PathBuf> = sources
+        .into_iter()
+        .filter(|source| source.exists())
+        .collect();
+    open.iter()
+        .for_each(|source| println!("cargo::rerun-if-changed={}", source.display()));
+    println!("cargo::rerun-if-changed=build.rs");
+    let mut hasher = DefaultHasher::new();
+    while let Some(path) = open.pop() {
+        if let Ok(entries) = fs::read_dir(&path) {
+            let mut entries: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+            entries.sort();
+            open.extend(entries);
+        } else {
+            hasher.write(&fs::read(&path).unwrap_or_default());
         }
     }
-    println!("cargo::rerun-if-changed=build.rs");
     println!("cargo::rustc-env=SELVEDGE_SOLVER={:016x}", hasher.finish());
-}
-
-/// Takes a file, or all files of a folder in the order of their names.
-fn take(path: &Path, hasher: &mut DefaultHasher) -> io::Result<()> {
-    if !path.is_dir() {
-        hasher.write(&fs::read(path)?);
-        return Ok(());
-    }
-    let entries = fs::read_dir(path)?.map(|entry| Ok(entry?.path()));
-    let mut entries = entries.collect::<io::Result<Vec<_>>>()?;
-    entries.sort();
-    entries.iter().try_for_each(|path| take(path, hasher))
 }
