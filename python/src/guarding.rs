@@ -9,15 +9,9 @@ use selvedge_guard::{Correction, Replacement, Trust};
 
 use crate::errors::wrong;
 
-/// Settings of the guard of this name, as the command line has them.
+/// The guard of this name, as the command line has it.
 pub(crate) fn settings(name: &str) -> PyResult<Correction> {
-    match name {
-        "none" => Ok(Correction::None),
-        "limit" => Ok(Correction::Limit),
-        _ => Err(wrong(format!(
-            "guard must be none or limit, found {name:?}"
-        ))),
-    }
+    name.parse().map_err(wrong)
 }
 
 /// The numbers of a word. Strains and shares have no unit.

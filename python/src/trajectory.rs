@@ -110,7 +110,7 @@ impl Trajectory {
         };
         let parts = TrajectoryParts {
             faces,
-            material,
+            material: Some(material),
             rest,
             positions,
             handles,

@@ -95,7 +95,11 @@ impl Cloth {
         Self::of_shape(mesh, mesh.rest_shape(density), handles)
     }
 
-    fn of_shape(mesh: &Mesh, shape: RestShape, handles: Handles) -> Result<Self, SceneError> {
+    /// As [`Self::of_mesh`], with the masses and areas of this `shape`.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn of_shape(mesh: &Mesh, shape: RestShape, handles: Handles) -> Result<Self, SceneError> {
         let coordinates = mesh.material_coordinates().iter();
         let arrays = ClothArrays {
             rest_positions: mesh.positions().iter().map(|p| p.as_vec3()).collect(),

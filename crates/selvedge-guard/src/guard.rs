@@ -15,6 +15,7 @@
 //! No failure of the physics is silent: it is in [`Trust::physics_failed`] and, with its reason, in
 //! [`Guard::physics_failure`].
 
+use std::str::FromStr;
 use std::sync::Arc;
 
 use glam::Vec3;
@@ -58,6 +59,27 @@ pub enum Correction {
     /// Edges are brought back within their bounds.
     #[default]
     Limit,
+}
+
+impl Correction {
+    /// Name, in all fronts: `none` or `limit`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Limit => "limit",
+        }
+    }
+}
+
+impl FromStr for Correction {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        let mut all = [Self::None, Self::Limit].into_iter();
+        let found = all.find(|one| one.name() == name);
+        found.ok_or_else(|| format!("guard must be none or limit, found {name:?}"))
+    }
 }
 
 /// Reason why a cloth cannot be guarded.

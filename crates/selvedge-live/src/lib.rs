@@ -7,7 +7,7 @@
 //!   and in another wind. The program implements these traits.
 //! - **Hands** ([`Hands`]) lead the handles to where people drag them, within limits of speed and
 //!   acceleration.
-//! - A **tape** ([`Tape`]) holds recordings side by side, with one clock.
+//! - A **replay** ([`Replay`]) holds recordings side by side, with one clock.
 //! - A **server** ([`serve`]) lets browsers watch a session and drag its cloth. The
 //!   [`protocol`] is the form of the messages; the page is built from `web/` and compiled in.
 //!
@@ -54,9 +54,9 @@ mod workshop;
 
 pub use body::{Body, BodyKind, kind_of};
 pub use hand::{HandLimits, Hands};
-pub use mover::{Hold, LiveError, LiveStepper, Mover, MoverKind, Start};
+pub use mover::{Influences, LiveError, LiveStepper, Mover, MoverKind, Start};
 pub use order::{Catalogue, MeshOrder, Order};
-pub use player::{NamedTrack, Tape};
+pub use player::{NamedTrack, Replay};
 #[cfg(feature = "server")]
 pub use server::{MOST_PAGES, RunningServer, ServerSettings, serve};
 pub use session::{EmbeddedSession, Opening};

@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 use selvedge_cloth::{HandleTargets, Handles};
 use web_time::Instant;
 
-use crate::mover::{Hold, LiveError, LiveStepper, Mover, MoverKind, Start};
+use crate::mover::{Influences, LiveError, LiveStepper, Mover, MoverKind, Start};
 use crate::state::TrackState;
 use crate::strain_gauge::StrainGauge;
 use crate::workshop::ReadyCloth;
@@ -28,7 +28,7 @@ const SMOOTHING: f64 = 0.1;
 pub(crate) struct LiveCloth {
     ready: Box<ReadyCloth>,
     mover: Mover,
-    hold: Hold,
+    influences: Influences,
     /// The steppers of the mover; at least one.
     all: Vec<Driven>,
     gauge: StrainGauge,
@@ -59,24 +59,24 @@ impl LiveCloth {
         ready: Box<ReadyCloth>,
         mover: Mover,
     ) -> Result<(Self, Option<LiveError>), LiveError> {
-        let hold = Hold {
+        let influences = Influences {
             handles: ready.cloth.handles().clone(),
             environment: ready.environment,
         };
         let gauge = StrainGauge::new(&ready.cloth);
-        let (mover, all, problem) = match at_beginning(&ready, mover, &hold, &gauge) {
+        let (mover, all, problem) = match at_beginning(&ready, mover, &influences, &gauge) {
             Ok(all) => (mover, all, None),
             Err(problem) if mover == Mover::Physics => return Err(problem),
             Err(problem) => {
                 let mover = Mover::Physics;
-                let all = at_beginning(&ready, mover, &hold, &gauge)?;
+                let all = at_beginning(&ready, mover, &influences, &gauge)?;
                 (mover, all, Some(problem))
             }
         };
         let live = Self {
             ready,
             mover,
-            hold,
+            influences,
             all,
             gauge,
             frame: 0,
@@ -86,12 +86,12 @@ impl LiveCloth {
 
     /// Back to the beginning, with the handles of the scene; the wind stays.
     pub(crate) fn restart(&mut self) -> Result<(), LiveError> {
-        let hold = Hold {
+        let influences = Influences {
             handles: self.ready.cloth.handles().clone(),
-            environment: self.hold.environment,
+            environment: self.influences.environment,
         };
-        self.all = at_beginning(&self.ready, self.mover, &hold, &self.gauge)?;
-        (self.hold, self.frame) = (hold, 0);
+        self.all = at_beginning(&self.ready, self.mover, &influences, &self.gauge)?;
+        (self.influences, self.frame) = (influences, 0);
         Ok(())
     }
 
@@ -104,10 +104,10 @@ impl LiveCloth {
         let mut joining = Vec::new();
         for &kind in mover.kinds() {
             if !self.all.iter().any(|one| one.is_usable(kind)) {
-                let stepper = self
-                    .ready
-                    .movers
-                    .start(kind, Start::Frames(&frames), &self.hold)?;
+                let stepper =
+                    self.ready
+                        .movers
+                        .start(kind, Start::Frames(&frames), &self.influences)?;
                 let recent = frames.iter().cloned().collect();
                 joining.push(Driven {
                     offsets: offsets.clone(),
@@ -133,19 +133,19 @@ impl LiveCloth {
         handles: Handles,
         kept: &[Option<usize>],
     ) -> Result<(), LiveError> {
-        let hold = Hold {
+        let influences = Influences {
             handles,
-            ..self.hold
+            ..self.influences
         };
-        self.change(hold, kept)
+        self.change(influences, kept)
     }
 
     /// Continues in another wind `[m/s]`.
     pub(crate) fn set_wind(&mut self, wind: DVec3) -> Result<(), LiveError> {
-        let mut hold = self.hold.clone();
-        hold.environment.wind = wind;
-        let kept: Vec<Option<usize>> = (0..hold.handles.len()).map(Some).collect();
-        self.change(hold, &kept)
+        let mut influences = self.influences.clone();
+        influences.environment.wind = wind;
+        let kept: Vec<Option<usize>> = (0..influences.handles.len()).map(Some).collect();
+        self.change(influences, &kept)
     }
 
     /// Continues with the same handles. Those that were `free`, `[handles]`, are attached to the cloth
@@ -153,19 +153,19 @@ impl LiveCloth {
     pub(crate) fn take_hold_again(&mut self, free: &[bool]) -> Result<(), LiveError> {
         let kept = |(handle, free): (usize, &bool)| (!free).then_some(handle);
         let kept: Vec<Option<usize>> = free.iter().enumerate().map(kept).collect();
-        self.change(self.hold.clone(), &kept)
+        self.change(self.influences.clone(), &kept)
     }
 
-    fn change(&mut self, hold: Hold, kept: &[Option<usize>]) -> Result<(), LiveError> {
+    fn change(&mut self, influences: Influences, kept: &[Option<usize>]) -> Result<(), LiveError> {
         let changed: Result<Vec<_>, LiveError> = self
             .all
             .iter()
-            .map(|one| one.stepper.changed(&hold))
+            .map(|one| one.stepper.changed(&influences))
             .collect();
         for (one, stepper) in self.all.iter_mut().zip(changed?) {
             one.stepper = stepper;
         }
-        self.hold = hold;
+        self.influences = influences;
         self.take_hold(kept);
         Ok(())
     }
@@ -175,7 +175,7 @@ impl LiveCloth {
     fn take_hold(&mut self, kept: &[Option<usize>]) {
         let places = self.places();
         for one in &mut self.all {
-            let own = self.hold.handles.select(one.stepper.positions());
+            let own = self.influences.handles.select(one.stepper.positions());
             let apart = |(own, place): (&Vec3, &DVec3)| own.as_dvec3() - *place;
             let apart = own.iter().zip(&places).map(apart);
             let offset = |(apart, kept): (DVec3, &Option<usize>)| match kept {
@@ -220,8 +220,8 @@ impl LiveCloth {
         self.mover
     }
 
-    pub(crate) fn hold(&self) -> &Hold {
-        &self.hold
+    pub(crate) fn influences(&self) -> &Influences {
+        &self.influences
     }
 
     /// Frames since the beginning.
@@ -236,7 +236,10 @@ impl LiveCloth {
 
     /// Present places of the handles in the cloth that the hands are at `[m]`, `[handles]`.
     pub(crate) fn places(&self) -> Vec<DVec3> {
-        let places = self.hold.handles.of(self.leader().stepper.positions());
+        let places = self
+            .influences
+            .handles
+            .of(self.leader().stepper.positions());
         places.map(|p| p.as_dvec3()).collect()
     }
 
@@ -288,11 +291,11 @@ impl LiveCloth {
 fn at_beginning(
     ready: &ReadyCloth,
     mover: Mover,
-    hold: &Hold,
+    influences: &Influences,
     gauge: &StrainGauge,
 ) -> Result<Vec<Driven>, LiveError> {
     let one = |&kind: &MoverKind| {
-        let stepper = ready.movers.start(kind, Start::Beginning, hold)?;
+        let stepper = ready.movers.start(kind, Start::Beginning, influences)?;
         let recent = VecDeque::from([stepper.positions().to_vec()]);
         Ok(Driven::new(kind, stepper, recent, gauge))
     };

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 pub enum Mover {
     /// The learned model.
     Model,
-    /// The simulator.
+    /// The solver.
     Physics,
     /// Each its own cloth, side by side, with the same handles.
     Both,
@@ -36,13 +36,13 @@ impl Mover {
 pub enum MoverKind {
     /// The learned model.
     Model,
-    /// The simulator.
+    /// The solver.
     Physics,
 }
 
 /// The influences on a cloth from outside, which may change while it moves.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Hold {
+pub struct Influences {
     /// The held vertices.
     pub handles: Handles,
     /// Gravity and air.
@@ -60,8 +60,8 @@ pub enum Start<'a> {
 
 /// A [`Stepper`] that can continue under other handles and in another wind.
 pub trait LiveStepper: Stepper + Send {
-    /// Returns the same cloth in the same motion, under `hold`.
-    fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, LiveError>;
+    /// Returns the same cloth in the same motion, under `influences`.
+    fn changed(&self, influences: &Influences) -> Result<Box<dyn LiveStepper>, LiveError>;
 
     /// Leads body `number` over the next step, straight, to `offset` `[m]` from its own path. A
     /// mover that does not see bodies has nothing to do.

@@ -20,12 +20,12 @@ pub struct NamedTrack {
 
 /// Recordings side by side.
 #[derive(Clone, Debug)]
-pub struct Tape {
+pub struct Replay {
     name: String,
     tracks: Vec<NamedTrack>,
 }
 
-impl Tape {
+impl Replay {
     /// Puts recordings of one cloth side by side.
     pub fn new(name: impl Into<String>, tracks: Vec<NamedTrack>) -> Result<Self, LiveError> {
         let none = || LiveError::new("there is no recording to play");
@@ -70,34 +70,34 @@ fn check_match(first: &NamedTrack, other: &NamedTrack) -> Result<(), LiveError> 
     )))
 }
 
-/// A tape that is being played.
+/// A replay that is being played.
 pub(crate) struct Player {
-    tape: Tape,
+    replay: Replay,
     frame: usize,
     gauge: StrainGauge,
 }
 
 impl Player {
-    pub(crate) fn new(tape: Tape) -> Self {
+    pub(crate) fn new(replay: Replay) -> Self {
         Self {
-            gauge: StrainGauge::new(tape.first().cloth()),
-            tape,
+            gauge: StrainGauge::new(replay.first().cloth()),
+            replay,
             frame: 0,
         }
     }
 
-    pub(crate) fn tape(&self) -> &Tape {
-        &self.tape
+    pub(crate) fn replay(&self) -> &Replay {
+        &self.replay
     }
 
     /// Goes to the next frame, and from the end to the start.
     pub(crate) fn advance(&mut self) {
-        self.frame = (self.frame + 1) % self.tape.frame_count();
+        self.frame = (self.frame + 1) % self.replay.frame_count();
     }
 
     /// Goes to `frame`, or to the last.
     pub(crate) fn seek(&mut self, frame: usize) {
-        self.frame = frame.min(self.tape.frame_count() - 1);
+        self.frame = frame.min(self.replay.frame_count() - 1);
     }
 
     pub(crate) fn frame(&self) -> usize {
@@ -106,7 +106,7 @@ impl Player {
 
     /// Positions now `[m]`, `[tracks][vertices]`.
     pub(crate) fn positions(&self) -> Vec<&[Vec3]> {
-        let tracks = self.tape.tracks.iter();
+        let tracks = self.replay.tracks.iter();
         tracks
             .map(|track| track.trajectory.frame(self.frame))
             .collect()
@@ -114,7 +114,7 @@ impl Player {
 
     /// Points of all bodies in the frame that is shown `[m]`.
     pub(crate) fn body_points(&self) -> Vec<Vec3> {
-        let tracks = self.tape.first().obstacles().iter();
+        let tracks = self.replay.first().obstacles().iter();
         tracks
             .flat_map(|track| track.frame(self.frame()).into_owned())
             .collect()
@@ -122,9 +122,9 @@ impl Player {
 
     pub(crate) fn show(&self) -> Show {
         Show::Recording {
-            name: self.tape.name.clone(),
+            name: self.replay.name.clone(),
             frame: self.frame,
-            frames: self.tape.frame_count(),
+            frames: self.replay.frame_count(),
         }
     }
 
@@ -137,7 +137,7 @@ impl Player {
             stand_in: None,
             stopped: None,
         };
-        self.tape.tracks.iter().map(track).collect()
+        self.replay.tracks.iter().map(track).collect()
     }
 }
 
@@ -165,9 +165,10 @@ mod tests {
 
     #[test]
     fn recordings_side_by_side_are_of_one_cloth_and_one_clock() {
-        let beside = |other: NamedTrack| Tape::new("both", vec![track("a", cloth(), 60.0), other]);
-        let tape = beside(track("b", cloth(), 60.0)).unwrap();
-        assert_eq!(tape.tracks.len(), 2);
+        let beside =
+            |other: NamedTrack| Replay::new("both", vec![track("a", cloth(), 60.0), other]);
+        let replay = beside(track("b", cloth(), 60.0)).unwrap();
+        assert_eq!(replay.tracks.len(), 2);
         let mut arrays = cloth().arrays().clone();
         arrays.material_coordinates[2] = Vec2::new(0.25, -1.0);
         let (topology, handles) = (cloth().topology().clone(), cloth().handles().clone());

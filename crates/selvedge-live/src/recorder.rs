@@ -10,8 +10,8 @@ use selvedge_data::{ObstacleTrack, Trajectory};
 
 use crate::body::{Body, BodyKind};
 use crate::live_cloth::LiveCloth;
-use crate::mover::{Hold, MoverKind, Reason};
-use crate::player::{NamedTrack, Tape};
+use crate::mover::{Influences, MoverKind, Reason};
+use crate::player::{NamedTrack, Replay};
 use crate::state::RecordingState;
 
 /// A recording ends by itself here `[bytes]`.
@@ -26,7 +26,7 @@ const PLACE_BYTES: usize = 80;
 
 /// A recording under way.
 pub(crate) struct Recorder {
-    hold: Hold,
+    influences: Influences,
     tracks: Vec<KeptTrack>,
     /// Points of all bodies, `[frames][points of all bodies]` `[m]`.
     bodies: Vec<Vec<Vec3>>,
@@ -57,7 +57,7 @@ pub(crate) enum Destination {
 
 /// A recording that is written.
 pub(crate) struct WrittenRecording {
-    pub(crate) tape: Tape,
+    pub(crate) replay: Replay,
     pub(crate) files: Vec<PathBuf>,
 }
 
@@ -69,7 +69,7 @@ impl Recorder {
         let of_frame = of_cloths + size_of_val(&live.body_points()[..]);
         let tracks = live.tracks().into_iter().zip(live.mover().kinds());
         let mut recorder = Self {
-            hold: live.hold().clone(),
+            influences: live.influences().clone(),
             tracks: tracks
                 .map(|(track, &kind)| KeptTrack {
                     kind,
@@ -78,7 +78,7 @@ impl Recorder {
                 })
                 .collect(),
             bodies: Vec::new(),
-            most: most_frames(of_frame, live.hold().handles.len()),
+            most: most_frames(of_frame, live.influences().handles.len()),
         };
         recorder.keep(live);
         recorder
@@ -107,7 +107,7 @@ impl Recorder {
     pub(crate) fn finish(self, live: &LiveCloth) -> Result<Vec<(MoverKind, NamedTrack)>, Reason> {
         let ready = live.ready();
         let cloth = (*ready.cloth).clone();
-        let cloth = cloth.with_handles(self.hold.handles.clone());
+        let cloth = cloth.with_handles(self.influences.handles.clone());
         let cloth = cloth.map_err(|error| of_recording(&error))?;
         let vertices = cloth.vertex_count();
         let bodies = bodies(&ready.bodies, &self.bodies);
@@ -115,11 +115,11 @@ impl Recorder {
         for track in self.tracks {
             let frames = track.positions.chunks_exact(vertices);
             let places = |frame: &[Vec3]| -> Vec<DVec3> {
-                let handles = self.hold.handles.of(frame);
+                let handles = self.influences.handles.of(frame);
                 handles.map(|p| p.as_dvec3()).collect()
             };
             let handles = frames.map(places).collect();
-            let provenance = ready.movers.provenance(&self.hold, handles)?;
+            let provenance = ready.movers.provenance(&self.influences, handles)?;
             let trajectory = Trajectory::new(cloth.clone(), track.positions, provenance)
                 .and_then(|trajectory| trajectory.with_obstacles(bodies.clone()))
                 .map_err(|error| of_recording(&error))?;
@@ -191,7 +191,7 @@ impl Destination {
         }
         let tracks = tracks.into_iter().map(|(_, track)| track).collect();
         Ok(WrittenRecording {
-            tape: Tape::new(format!("recording {number}"), tracks)?,
+            replay: Replay::new(format!("recording {number}"), tracks)?,
             files: written,
         })
     }

@@ -12,8 +12,8 @@ use selvedge_cloth::{
 };
 use selvedge_data::Provenance;
 use selvedge_live::{
-    Body, BodyKind, Catalogue, Hold, LiveError, LiveStepper, MoverKind, Movers, Order, ReadyCloth,
-    Start, Workshop,
+    Body, BodyKind, Catalogue, Influences, LiveError, LiveStepper, MoverKind, Movers, Order,
+    ReadyCloth, Start, Workshop,
 };
 use serde_json::Value;
 
@@ -164,7 +164,7 @@ impl Movers for TestCloth {
         &self,
         kind: MoverKind,
         start: Start<'_>,
-        hold: &Hold,
+        influences: &Influences,
     ) -> Result<Box<dyn LiveStepper>, LiveError> {
         let passed = Vec3::X * (PACE * self.start_frame as f64) as f32;
         let positions = match start {
@@ -172,14 +172,18 @@ impl Movers for TestCloth {
             Start::Frames(frames) => frames.last().unwrap().clone(),
         };
         let shifts = vec![DVec3::ZERO; self.bodies.len()];
-        let stepper = ScriptedStepper::new(kind, self.clone(), hold, positions);
+        let stepper = ScriptedStepper::new(kind, self.clone(), influences, positions);
         Ok(Box::new(ScriptedStepper { shifts, ..stepper }))
     }
 
-    fn provenance(&self, hold: &Hold, _: Vec<Vec<DVec3>>) -> Result<Provenance, LiveError> {
+    fn provenance(
+        &self,
+        influences: &Influences,
+        _: Vec<Vec<DVec3>>,
+    ) -> Result<Provenance, LiveError> {
         Ok(Provenance {
             frame_rate: 60.0,
-            scene: Value::from(hold.environment.wind.x),
+            scene: Value::from(influences.environment.wind.x),
             made_by: "test".to_owned(),
         })
     }
@@ -205,8 +209,8 @@ struct ScriptedStepper {
 }
 
 impl ScriptedStepper {
-    fn new(kind: MoverKind, of: TestCloth, hold: &Hold, positions: Vec<Vec3>) -> Self {
-        let handles = hold.handles.clone();
+    fn new(kind: MoverKind, of: TestCloth, influences: &Influences, positions: Vec<Vec3>) -> Self {
+        let handles = influences.handles.clone();
         Self {
             kind,
             of,
@@ -318,11 +322,11 @@ impl LiveStepper for ScriptedStepper {
         (!self.shifts.is_empty()).then(|| vec![0.25; self.positions.len()])
     }
 
-    fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, LiveError> {
+    fn changed(&self, influences: &Influences) -> Result<Box<dyn LiveStepper>, LiveError> {
         let (of, positions) = (self.of.clone(), self.positions.clone());
         Ok(Box::new(Self {
             shifts: self.shifts.clone(),
-            ..Self::new(self.kind, of, hold, positions)
+            ..Self::new(self.kind, of, influences, positions)
         }))
     }
 }
@@ -331,12 +335,13 @@ impl LiveStepper for ScriptedStepper {
 fn puppets_conform() {
     use selvedge_cloth::conformance::{HandlesEnd, check};
 
-    let hold = Hold {
+    let influences = Influences {
         handles: cloth().handles().clone(),
         environment: Environment::default(),
     };
     for kind in [MoverKind::Physics, MoverKind::Model] {
-        let make = || ScriptedStepper::new(kind, TestCloth::default(), &hold, CORNERS.to_vec());
+        let make =
+            || ScriptedStepper::new(kind, TestCloth::default(), &influences, CORNERS.to_vec());
         assert_eq!(check(make, HandlesEnd::AtTargets), Ok(()));
     }
 }

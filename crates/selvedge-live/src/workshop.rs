@@ -9,7 +9,7 @@ use selvedge_cloth::{Cloth, Environment, HandlePath};
 use selvedge_data::Provenance;
 
 use crate::body::Body;
-use crate::mover::{Hold, LiveError, LiveStepper, Mover, MoverKind, Start};
+use crate::mover::{Influences, LiveError, LiveStepper, Mover, MoverKind, Start};
 use crate::order::{Catalogue, Order};
 
 /// A cloth that is ready to be moved: its mesh is made, its rest pose found.
@@ -39,19 +39,23 @@ pub trait Movers: Send {
         &self,
         kind: MoverKind,
         start: Start<'_>,
-        hold: &Hold,
+        influences: &Influences,
     ) -> Result<Box<dyn LiveStepper>, LiveError>;
 
     /// A remark for people on what moves the cloth now, such as a model in a wind that it has not
     /// learned; none where there is nothing to say. The held vertices are at `places` `[m]`. What
     /// is said anew is shown anew: a remark has no numbers that change with every frame.
-    fn remark_on(&self, _mover: Mover, _hold: &Hold, _places: &[DVec3]) -> Option<String> {
+    fn remark_on(&self, _mover: Mover, _hold: &Influences, _places: &[DVec3]) -> Option<String> {
         None
     }
 
     /// The provenance of a recording of this cloth with its handles at `handles` `[m]`,
     /// `[frames][handles]`.
-    fn provenance(&self, hold: &Hold, handles: Vec<Vec<DVec3>>) -> Result<Provenance, LiveError>;
+    fn provenance(
+        &self,
+        influences: &Influences,
+        handles: Vec<Vec<DVec3>>,
+    ) -> Result<Provenance, LiveError>;
 }
 
 /// Makes cloths ready, on a thread of its own.

@@ -3,7 +3,7 @@
 //! A search may take a minute, and the same cloth is started again and again. [`keep_in`] names a
 //! folder for the process, as one names the threads of a pool; without it nothing is kept. A pose
 //! from the folder has the bytes that a search would find: it is known by all that decides them
-//! ([`RestPoseContent`]) and by the version of the program.
+//! ([`RestPoseContent`]), and by the version and the sources of the solver.
 
 use std::ffi::OsString;
 use std::ops::ControlFlow;
@@ -15,12 +15,13 @@ use selvedge_cloth::Scene;
 use selvedge_data::{KeptRestPose, RestPoseFolder};
 use selvedge_sim::{RestPoseContent, SagError, SagProgress, SaggedRest, sag_with_progress};
 
-use crate::MADE_BY;
-
 /// Seconds of a search from which its pose is worth a file.
 const WORTH_KEEPING: f64 = 0.2;
 /// Seconds of waiting that are spared and worth a word.
 const WORTH_A_WORD: f64 = 2.0;
+
+/// The solver that finds poses: its version, and a hash of its sources (`build.rs`).
+const SOLVER: &str = concat!(env!("CARGO_PKG_VERSION"), " ", env!("SELVEDGE_SOLVER"));
 
 static FOLDER: OnceLock<RestPoseFolder> = OnceLock::new();
 
@@ -83,19 +84,19 @@ pub(crate) fn found(
     progress: &mut dyn FnMut(SagProgress) -> ControlFlow<()>,
 ) -> Result<Found, SagError> {
     match FOLDER.get() {
-        Some(folder) => found_in(folder, WORTH_KEEPING, scene, progress),
+        Some(folder) => found_in((folder, SOLVER), WORTH_KEEPING, scene, progress),
         None => Ok((sag_with_progress(scene, progress)?, None)),
     }
 }
 
-/// As [`found`], in `folder`; searches from `worth_keeping` seconds on are kept.
+/// As [`found`], in `folder` by this `solver`; searches from `worth_keeping` seconds on are kept.
 fn found_in(
-    folder: &RestPoseFolder,
+    (folder, solver): (&RestPoseFolder, &str),
     worth_keeping: f64,
     scene: &Scene,
     progress: &mut dyn FnMut(SagProgress) -> ControlFlow<()>,
 ) -> Result<Found, SagError> {
-    let content = (MADE_BY, RestPoseContent::of(scene)?);
+    let content = (solver, RestPoseContent::of(scene)?);
     let Ok(content) = serde_json::to_string(&content) else {
         return Ok((sag_with_progress(scene, progress)?, None));
     };
@@ -137,8 +138,12 @@ mod tests {
 
     /// The pose of `scene` by way of `folder`, and the solves that it took now.
     fn through(folder: &RestPoseFolder, scene: &Scene) -> (Found, u32) {
+        by(SOLVER, folder, scene)
+    }
+
+    fn by(solver: &str, folder: &RestPoseFolder, scene: &Scene) -> (Found, u32) {
         let mut solves = 0;
-        let found = found_in(folder, 0.0, scene, &mut |now| {
+        let found = found_in((folder, solver), 0.0, scene, &mut |now| {
             solves = now.solves;
             ControlFlow::Continue(())
         });
@@ -163,6 +168,19 @@ mod tests {
         scene.material.density *= 1.01;
         let (other, solves) = through(&folder, &scene);
         assert!(solves > 0 && other.0 != first.0);
+    }
+
+    /// Another build may round otherwise: a motion that starts in its pose parts from one that starts
+    /// in that of this build.
+    #[test]
+    fn a_pose_of_another_build_is_not_taken() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = RestPoseFolder::new(place.path().to_owned());
+        let scene = hanging();
+        by("0.1.0 before", &folder, &scene);
+        assert!(through(&folder, &scene).1 > 0);
+        assert_eq!(through(&folder, &scene).1, 0);
+        assert!(SOLVER.len() > "0.1.0 0123456789abcde".len());
     }
 
     #[test]

@@ -139,7 +139,9 @@ impl Run {
             scene: scene.built().name.clone(),
             source,
         })?;
-        Self::of(scene, Mover::Solver(Box::new(simulator)), Some(start))
+        let mut run = Self::of(scene, Mover::Solver(Box::new(simulator)), Some(start))?;
+        run.warnings.extend(start::thrown(scene.built()));
+        Ok(run)
     }
 
     /// As [`Self::of_model`], on any machine, with any guard, and a listener of the long work.

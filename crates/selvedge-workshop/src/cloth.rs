@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 use selvedge::rounded;
 use selvedge_cloth::{Cloth, Environment, Motion, RecordedMotion, Scene};
 use selvedge_data::{Provenance, SceneSpec};
-use selvedge_live::{Hold, LiveError, LiveStepper, Mover, MoverKind, Movers, Start};
+use selvedge_live::{Influences, LiveError, LiveStepper, Mover, MoverKind, Movers, Start};
 use selvedge_model::{Aspect, Domain, DomainWatch, Model};
 
 use selvedge_sim::Checkpoint;
@@ -30,10 +30,10 @@ pub(super) struct SceneMovers {
 }
 
 impl Movers for SceneMovers {
-    fn remark_on(&self, mover: Mover, hold: &Hold, places: &[DVec3]) -> Option<String> {
+    fn remark_on(&self, mover: Mover, influences: &Influences, places: &[DVec3]) -> Option<String> {
         let is_moved_by_it = mover.kinds().contains(&MoverKind::Model);
-        let start = hold.handles.select(&self.start.positions);
-        let hands = hands(hold, self.scene.frame_rate, [&start, places]);
+        let start = influences.handles.select(&self.start.positions);
+        let hands = hands(influences, self.scene.frame_rate, [&start, places]);
         let beyond = untrained(&self.model_name, &self.model.model, &hands);
         beyond.filter(|_| is_moved_by_it)
     }
@@ -42,7 +42,7 @@ impl Movers for SceneMovers {
         &self,
         kind: MoverKind,
         start: Start<'_>,
-        hold: &Hold,
+        influences: &Influences,
     ) -> Result<Box<dyn LiveStepper>, LiveError> {
         let beginning = [rounded(&self.start.positions)];
         let frames = match start {
@@ -57,7 +57,7 @@ impl Movers for SceneMovers {
                     &self.model,
                     scene,
                     cloth,
-                    hold,
+                    influences,
                     &frames,
                 )?))
             }
@@ -66,26 +66,30 @@ impl Movers for SceneMovers {
                     Start::Beginning => self.start.clone(),
                     Start::Frames(frames) => moving(frames, self.scene.frame_rate)?,
                 };
-                Ok(Box::new(LivePhysics::start(&self.led, hold, &state)?))
+                Ok(Box::new(LivePhysics::start(&self.led, influences, &state)?))
             }
         }
     }
 
-    fn provenance(&self, hold: &Hold, handles: Vec<Vec<DVec3>>) -> Result<Provenance, LiveError> {
+    fn provenance(
+        &self,
+        influences: &Influences,
+        handles: Vec<Vec<DVec3>>,
+    ) -> Result<Provenance, LiveError> {
         let mut spec = self.spec.clone();
-        spec.setting.handles = hold.handles.vertices().iter().map(|v| v.0).collect();
+        spec.setting.handles = influences.handles.vertices().iter().map(|v| v.0).collect();
         spec.setting.schedule.releases.clear();
-        spec.setting.environment = hold.environment;
+        spec.setting.environment = influences.environment;
         spec.motion = Motion::Recorded(RecordedMotion { positions: handles });
         selvedge::provenance(&spec, &self.scene).map_err(LiveError::new)
     }
 }
 
 /// The domain of hands that went from the first of `places` to the second `[m]`, `[handles]`.
-fn hands(hold: &Hold, frame_rate: f64, places: [&[DVec3]; 2]) -> Domain {
-    let Environment { gravity, wind, .. } = hold.environment;
+fn hands(influences: &Influences, frame_rate: f64, places: [&[DVec3]; 2]) -> Domain {
+    let Environment { gravity, wind, .. } = influences.environment;
     let mut watch = DomainWatch::new(gravity, frame_rate);
-    let held = vec![true; hold.handles.len()];
+    let held = vec![true; influences.handles.len()];
     for places in places {
         watch.see(places, &held, wind);
     }
@@ -142,8 +146,8 @@ mod tests {
 
     #[test]
     fn what_a_model_has_not_seen_is_said() {
-        let hold = |handles: &[u32], wind: f64| {
-            let hold = Hold {
+        let influences = |handles: &[u32], wind: f64| {
+            let influences = Influences {
                 handles: Handles::new(handles, 9).unwrap(),
                 environment: Environment {
                     wind: DVec3::new(wind, 0.0, 0.0),
@@ -151,14 +155,14 @@ mod tests {
                 },
             };
             let places = vec![DVec3::ZERO; handles.len()];
-            hands(&hold, 60.0, [&places, &places])
+            hands(&influences, 60.0, [&places, &places])
         };
         let paper = selvedge::Model::open(Some("paper".as_ref())).unwrap();
         let selvedge::Model { name, model } = paper;
-        assert_eq!(untrained(&name, &model, &hold(&[0, 2], 0.0)), None);
+        assert_eq!(untrained(&name, &model, &influences(&[0, 2], 0.0)), None);
         let mut silent = Model::clone(&model);
         silent.training = String::new();
-        assert_eq!(untrained(&name, &silent, &hold(&[], 9.0)), None);
+        assert_eq!(untrained(&name, &silent, &influences(&[], 9.0)), None);
         for (held, wind, words) in [
             (
                 &[0, 2][..],
@@ -173,7 +177,7 @@ mod tests {
                 "3 handles held at once, trained with 2; wind",
             ),
         ] {
-            let text = untrained(&name, &model, &hold(held, wind)).unwrap();
+            let text = untrained(&name, &model, &influences(held, wind)).unwrap();
             assert!(text.contains(words), "{text}");
         }
     }

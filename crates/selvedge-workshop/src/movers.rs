@@ -9,7 +9,7 @@ use selvedge::machine::{Machine, Mover};
 use selvedge::rounded;
 use selvedge_cloth::{Cloth, HandleTargets, Rigid, Scene, Squeezed, StepError, Stepper};
 use selvedge_guard::{Correction, Guard, Replacement};
-use selvedge_live::{Hold, LiveError, LiveStepper};
+use selvedge_live::{Influences, LiveError, LiveStepper};
 use selvedge_model::{ClothGraph, Model};
 use selvedge_sim::{Checkpoint, Simulator};
 
@@ -25,12 +25,12 @@ impl LivePhysics {
     /// Starts in `state`.
     pub(super) fn start(
         scene: &Arc<Scene>,
-        hold: &Hold,
+        influences: &Influences,
         state: &Checkpoint,
     ) -> Result<Self, LiveError> {
         let held = Scene {
-            handles: hold.handles.clone(),
-            environment: hold.environment,
+            handles: influences.handles.clone(),
+            environment: influences.environment,
             ..(**scene).clone()
         };
         let mut simulator = Simulator::from_checkpoint(&held, state).map_err(LiveError::new)?;
@@ -104,13 +104,13 @@ impl Stepper for LivePhysics {
 }
 
 impl LiveStepper for LivePhysics {
-    fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, LiveError> {
+    fn changed(&self, influences: &Influences) -> Result<Box<dyn LiveStepper>, LiveError> {
         let mut state = self.simulator.checkpoint();
-        if *self.simulator.handles() != hold.handles {
+        if *self.simulator.handles() != influences.handles {
             // Another system: the state before belongs to the old one.
             state.previous = None;
         }
-        Ok(Box::new(Self::start(&self.scene, hold, &state)?))
+        Ok(Box::new(Self::start(&self.scene, influences, &state)?))
     }
 
     fn lead_body(&mut self, number: usize, offset: DVec3) {
@@ -168,14 +168,14 @@ impl LiveModel {
         model: &ModelOnMachine,
         scene: &Arc<Scene>,
         cloth: &Arc<Cloth>,
-        hold: &Hold,
+        influences: &Influences,
         frames: &[&[Vec3]],
     ) -> Result<Self, LiveError> {
-        let held = Cloth::clone(cloth).with_handles(hold.handles.clone());
+        let held = Cloth::clone(cloth).with_handles(influences.handles.clone());
         let held = held.map_err(LiveError::new)?;
         let held_scene = Scene {
-            handles: hold.handles.clone(),
-            environment: hold.environment,
+            handles: influences.handles.clone(),
+            environment: influences.environment,
             ..(**scene).clone()
         };
         let graph = ClothGraph::of_scene(&held, &held_scene).map_err(LiveError::new)?;
@@ -226,14 +226,14 @@ impl LiveStepper for LiveModel {
         rounded(&points)
     }
 
-    fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, LiveError> {
+    fn changed(&self, influences: &Influences) -> Result<Box<dyn LiveStepper>, LiveError> {
         let frames: Vec<&[Vec3]> = self.recent.iter().map(Vec::as_slice).collect();
         let (scene, cloth) = (&self.scene, &self.cloth);
         Ok(Box::new(Self::start(
             &self.model,
             scene,
             cloth,
-            hold,
+            influences,
             &frames,
         )?))
     }
@@ -248,7 +248,7 @@ mod tests {
     use std::ops::ControlFlow;
 
     /// The cloth of the default scene, and its handles.
-    fn ready() -> (Box<ReadyCloth>, Hold) {
+    fn ready() -> (Box<ReadyCloth>, Influences) {
         let mut workshop = SceneWorkshop::new("default", &[], Machine::Cpu).unwrap();
         let order = Order {
             model: "paper".to_owned(),
@@ -257,11 +257,11 @@ mod tests {
         let ready = workshop
             .prepare(&order, &mut |_| ControlFlow::Continue(()))
             .unwrap();
-        let hold = Hold {
+        let influences = Influences {
             handles: ready.cloth.handles().clone(),
             environment: ready.environment,
         };
-        (ready, hold)
+        (ready, influences)
     }
 
     /// The handles of the default scene after `frame` frames of a slow pull to the front and up.
@@ -274,13 +274,16 @@ mod tests {
     /// A mover that is changed to the very hold it has goes on as the one that is left alone: the
     /// largest distance of a vertex over ten frames after ten `[m]`.
     fn difference(kind: MoverKind) -> f32 {
-        let (ready, hold) = ready();
-        let mut one = ready.movers.start(kind, Start::Beginning, &hold).unwrap();
-        let start = hold.handles.select(one.positions());
+        let (ready, influences) = ready();
+        let mut one = ready
+            .movers
+            .start(kind, Start::Beginning, &influences)
+            .unwrap();
+        let start = influences.handles.select(one.positions());
         for frame in 1..=10 {
             one.step(&pulled(&start, frame)).unwrap();
         }
-        let mut other = one.changed(&hold).unwrap();
+        let mut other = one.changed(&influences).unwrap();
         assert_eq!(other.positions(), one.positions());
         for frame in 11..=20 {
             one.step(&pulled(&start, frame)).unwrap();
@@ -292,9 +295,14 @@ mod tests {
 
     #[test]
     fn movers_conform() {
-        let (ready, hold) = ready();
+        let (ready, influences) = ready();
         for kind in [MoverKind::Model, MoverKind::Physics] {
-            let make = || ready.movers.start(kind, Start::Beginning, &hold).unwrap();
+            let make = || {
+                ready
+                    .movers
+                    .start(kind, Start::Beginning, &influences)
+                    .unwrap()
+            };
             // The physics of the viewer holds by springs.
             let end = match kind {
                 MoverKind::Physics => HandlesEnd::Elsewhere,
@@ -314,12 +322,12 @@ mod tests {
 
     #[test]
     fn a_model_that_is_shaken_keeps_its_edges() {
-        let (ready, hold) = ready();
+        let (ready, influences) = ready();
         let mut stepper = ready
             .movers
-            .start(MoverKind::Model, Start::Beginning, &hold)
+            .start(MoverKind::Model, Start::Beginning, &influences)
             .unwrap();
-        let start = hold.handles.select(stepper.positions());
+        let start = influences.handles.select(stepper.positions());
         let material = ready.cloth.material_coordinates();
         let mut worst = 0.0_f32;
         for frame in 0..60 {

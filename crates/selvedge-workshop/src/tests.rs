@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use glam::DVec3;
 use selvedge::machine::Machine;
 use selvedge_cloth::HandleTargets;
-use selvedge_live::{Hold, LiveError, MeshOrder, Mover, MoverKind, Order, Start, Workshop};
+use selvedge_live::{Influences, LiveError, MeshOrder, Mover, MoverKind, Order, Start, Workshop};
 
 use super::SceneWorkshop;
 
@@ -68,13 +68,13 @@ fn hands_beyond_training_are_said_while_the_model_moves_the_cloth() {
         ..workshop.first_order()
     };
     let ready = workshop.prepare(&order, &mut go_on).unwrap();
-    let hold = Hold {
+    let influences = Influences {
         handles: ready.cloth.handles().clone(),
         environment: ready.environment,
     };
-    let at_rest = hold.handles.select(ready.cloth.rest_positions());
+    let at_rest = influences.handles.select(ready.cloth.rest_positions());
     let mut places: Vec<DVec3> = at_rest.iter().map(|p| p.as_dvec3()).collect();
-    let remark = |mover, places: &[DVec3]| ready.movers.remark_on(mover, &hold, places);
+    let remark = |mover, places: &[DVec3]| ready.movers.remark_on(mover, &influences, places);
     assert_eq!(remark(Mover::Model, &places), None);
     places[0].y += 0.6;
     let said = remark(Mover::Model, &places).unwrap();
@@ -132,16 +132,16 @@ fn a_cloth_that_nobody_touches_stands_still() {
         let mut workshop = SceneWorkshop::new(scene, &[], Machine::Cpu).unwrap();
         let order = workshop.first_order();
         let ready = workshop.prepare(&order, &mut go_on).unwrap();
-        let hold = Hold {
+        let influences = Influences {
             handles: ready.cloth.handles().clone(),
             environment: ready.environment,
         };
         let mut solver = ready
             .movers
-            .start(MoverKind::Physics, Start::Beginning, &hold)
+            .start(MoverKind::Physics, Start::Beginning, &influences)
             .unwrap();
         let start = solver.positions().to_vec();
-        let places = hold.handles.select(&start);
+        let places = influences.handles.select(&start);
         let still: Vec<DVec3> = places.iter().map(|p| p.as_dvec3()).collect();
         let still = HandleTargets::at_frame_end(still).unwrap();
         for _ in 0..30 {

@@ -27,7 +27,7 @@ impl Session {
         let opening = Opening {
             order: workshop.first_order(),
             mover,
-            tape: None,
+            replay: None,
         };
         Ok(Self(EmbeddedSession::new(
             Box::new(workshop),

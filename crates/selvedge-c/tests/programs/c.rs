@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use crate::common::{self, Desk, SMALL, declared};
+use crate::common::{self, SMALL, TestFolder, declared};
 
 #[test]
 fn the_header_declares_every_exported_function_and_no_other() {
@@ -22,23 +22,23 @@ fn the_header_declares_every_exported_function_and_no_other() {
 
 #[test]
 fn a_c_program_prints_the_positions_of_the_command_line_to_the_bit() {
-    let desk = Desk::new();
-    desk.write("small.toml", SMALL);
-    let program = desk.compile("rollout.c", &[]);
+    let dir = TestFolder::new();
+    dir.write("small.toml", SMALL);
+    let program = dir.compile("rollout.c", &[]);
     for model in ["physics", "paper"] {
-        let said = desk.run(Command::new(&program).args(["small.toml", model, "12"]));
+        let said = dir.run(Command::new(&program).args(["small.toml", model, "12"]));
         let numbers = said.split_whitespace();
         let bits = numbers.map(|number| number.parse::<f32>().unwrap().to_bits());
-        assert_eq!(bits.collect::<Vec<_>>(), desk.wanted(model, 12), "{model}");
+        assert_eq!(bits.collect::<Vec<_>>(), dir.wanted(model, 12), "{model}");
     }
 }
 
 #[test]
 fn mistakes_of_a_c_program_are_codes_also_under_the_address_sanitizer_and_valgrind() {
-    let desk = Desk::new();
-    desk.write("small.toml", SMALL);
-    let program = desk.compile("mistakes.c", &["-pthread"]);
-    let said = desk.run(Command::new(&program).arg("small.toml"));
+    let dir = TestFolder::new();
+    dir.write("small.toml", SMALL);
+    let program = dir.compile("mistakes.c", &["-pthread"]);
+    let said = dir.run(Command::new(&program).arg("small.toml"));
     for words in [
         "no scene: 6 nowhere/at-all.toml",
         "a handle too many: 2 handles: expected 2 handles, found 3",
@@ -52,9 +52,9 @@ fn mistakes_of_a_c_program_are_codes_also_under_the_address_sanitizer_and_valgri
         "-fsanitize=address,undefined",
         "-fno-sanitize-recover=all",
     ];
-    match desk.try_compile("mistakes.c", &flags) {
+    match dir.try_compile("mistakes.c", &flags) {
         Ok(watched) => {
-            desk.run(Command::new(watched).arg("small.toml"));
+            dir.run(Command::new(watched).arg("small.toml"));
         }
         Err(why) => common::left_out(&format!("cc has no address sanitizer here: {why}")),
     }
@@ -67,16 +67,16 @@ fn mistakes_of_a_c_program_are_codes_also_under_the_address_sanitizer_and_valgri
         "--leak-check=full",
         "--errors-for-leak-kinds=definite",
     ]);
-    desk.run(valgrind.arg(&program).arg("small.toml"));
+    dir.run(valgrind.arg(&program).arg("small.toml"));
 }
 
 #[test]
 fn a_c_program_takes_the_library_in() {
-    let desk = Desk::new();
-    desk.write("small.toml", SMALL);
-    let shared = desk.compile("rollout.c", &[]);
-    let whole = desk.compile_static("rollout.c");
+    let dir = TestFolder::new();
+    dir.write("small.toml", SMALL);
+    let shared = dir.compile("rollout.c", &[]);
+    let whole = dir.compile_static("rollout.c");
     let arguments = ["small.toml", "physics", "3"];
-    let wanted = desk.run(Command::new(shared).args(arguments));
-    assert_eq!(desk.run(Command::new(whole).args(arguments)), wanted);
+    let wanted = dir.run(Command::new(shared).args(arguments));
+    assert_eq!(dir.run(Command::new(whole).args(arguments)), wanted);
 }

@@ -49,7 +49,7 @@ pub(crate) fn left_out(why: &str) {
 }
 
 /// A folder that is gone after the test.
-pub(crate) struct Desk {
+pub(crate) struct TestFolder {
     folder: TempDir,
 }
 
@@ -73,7 +73,7 @@ pub(crate) fn sources(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-impl Desk {
+impl TestFolder {
     pub(crate) fn new() -> Self {
         Self {
             folder: tempfile::tempdir().unwrap(),

@@ -3,24 +3,24 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::common::{Desk, HEADER, SMALL, declared, is_absent};
+use crate::common::{HEADER, SMALL, TestFolder, declared, is_absent};
 
 const PACKAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/unity");
 
 /// The program for the console, compiled; none where Mono is not here.
-fn compiled(desk: &Desk) -> Option<PathBuf> {
+fn compiled(dir: &TestFolder) -> Option<PathBuf> {
     if ["mcs", "mono"].into_iter().any(is_absent) {
         return None;
     }
-    desk.write("small.toml", SMALL);
-    let program = desk.path("program.exe");
+    dir.write("small.toml", SMALL);
+    let program = dir.path("program.exe");
     let mut mcs = Command::new("mcs");
     mcs.args(["-langversion:7", "-warnaserror+"]);
     mcs.arg(format!("-out:{}", program.display()));
     for folder in ["Runtime", "Tests~"] {
         mcs.args(scripts(&Path::new(PACKAGE).join(folder)));
     }
-    desk.run(&mut mcs);
+    dir.run(&mut mcs);
     Some(program)
 }
 
@@ -32,24 +32,24 @@ fn scripts(folder: &Path) -> Vec<PathBuf> {
         .collect()
 }
 
-fn mono(desk: &Desk, program: &Path, words: &str) -> String {
+fn mono(dir: &TestFolder, program: &Path, words: &str) -> String {
     let mut mono = Command::new("mono");
-    desk.run(mono.arg(program).args(words.split(' ')))
+    dir.run(mono.arg(program).args(words.split(' ')))
 }
 
 /// Positions to the bit, mistakes as exceptions, and the component, which leads a mesh by two
 /// transforms.
 #[test]
 fn a_program_in_csharp_does_what_the_command_line_does() {
-    let desk = Desk::new();
-    let Some(program) = compiled(&desk) else {
+    let dir = TestFolder::new();
+    let Some(program) = compiled(&dir) else {
         return;
     };
     for model in ["physics", "paper"] {
-        let said = mono(&desk, &program, &format!("small.toml {model} 12"));
+        let said = mono(&dir, &program, &format!("small.toml {model} 12"));
         let bits = said.split_whitespace();
         let bits = bits.map(|bits| u32::from_str_radix(bits, 16).unwrap());
-        assert_eq!(bits.collect::<Vec<_>>(), desk.wanted(model, 12), "{model}");
+        assert_eq!(bits.collect::<Vec<_>>(), dir.wanted(model, 12), "{model}");
     }
     for (call, words) in [
         ("mistakes", "few targets: Count"),
@@ -57,7 +57,7 @@ fn a_program_in_csharp_does_what_the_command_line_does() {
         ("mistakes", "0 not as expected"),
         ("component", "the scene has 2, found 3"),
     ] {
-        let said = mono(&desk, &program, &format!("small.toml {call}"));
+        let said = mono(&dir, &program, &format!("small.toml {call}"));
         assert!(said.contains(words), "{words}: {said}");
     }
 }

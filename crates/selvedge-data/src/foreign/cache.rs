@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use glam::{DVec2, DVec3};
 
 use super::parts::{TrajectoryParts, Weight, hanging};
-use super::{HandleSource, ImportOptions, RestSource};
+use super::{FlatSource, HandleSource, ImportOptions, RestSource};
 use crate::UpAxis;
 use crate::formats::file_error::{FileError, Problem};
 use crate::formats::input::{ending_of, read_file};
@@ -24,6 +24,9 @@ use crate::rig::{Rig, RigFormat, Wanted, points_at};
 
 /// The cloth among several meshes.
 const SHEET: &str = "sheet";
+
+/// What helps where a cache has no flat coordinates.
+const REMEDY: &str = "name a flat mesh of the same vertices (option `flat`), or for a garment take each face as the rest pose has it (`flat` shape)";
 
 /// Largest difference of texture coordinates of a vertex that are taken for one `[m]`.
 const SAME: f64 = 1e-6;
@@ -142,15 +145,14 @@ impl Cache {
             let found = self.mesh.texture[texture];
             if known.is_some_and(|known| known.distance(found) > SAME) {
                 return Err(format!(
-                    "has a seam at vertex {}, where it has two texture coordinates: name a flat mesh of the same vertices (option `flat`)",
+                    "has a seam at vertex {}, where it has two texture coordinates: {REMEDY}",
                     corner.vertex as usize - cloth.start
                 ));
             }
             *known = Some(found);
         }
         material.into_iter().collect::<Option<_>>().ok_or_else(|| {
-            "has no texture coordinates, which are the flat, unstrained cloth in metres: name a flat mesh of the same vertices (option `flat`)"
-                .to_owned()
+            format!("has no texture coordinates, which are the flat, unstrained cloth in metres: {REMEDY}")
         })
     }
 
@@ -182,20 +184,26 @@ impl ImportOptions {
         let own = frames.flat_map(|frame| frame[cloth.clone()].iter().map(|&p| up.to_ours(p)));
         let positions: Vec<DVec3> = own.collect();
         let material = match &self.flat {
-            None => cache.texture(&cloth).map_err(wrong)?,
-            Some(flat) => {
+            None => Some(cache.texture(&cloth).map_err(wrong)?),
+            Some(FlatSource::Obj(flat)) => {
                 let read = assemble(read_obj(flat)?, MeshOptions::default());
                 let read = read.map_err(|error| FileError::new(flat, error))?;
-                read.sheet.mesh.material_coordinates().to_vec()
+                if read.is_own_shape {
+                    let problem = "is not flat, and has no texture coordinates: take each face as the rest pose has it (`flat` shape)";
+                    return Err(FileError::new(flat, problem.to_owned()));
+                }
+                Some(read.sheet.mesh.material_coordinates().to_vec())
             }
+            Some(FlatSource::Shape) => None,
         };
         let rest = match &self.rest {
-            RestSource::Flat => hanging(&material),
+            RestSource::Flat => hanging(material.as_deref().unwrap_or_default()),
             RestSource::FirstFrame => positions.get(..cloth.len()).unwrap_or_default().to_vec(),
             RestSource::Obj(file) => read_obj(file)?.positions,
         };
         let expected = cloth.len();
-        for (what, found) in [("flat mesh", material.len()), ("rest pose", rest.len())] {
+        let flat = material.as_ref().map_or(expected, Vec::len);
+        for (what, found) in [("flat mesh", flat), ("rest pose", rest.len())] {
             if found != expected {
                 return Err(wrong(format!(
                     "the {what} is for {found} vertices, but there are {expected}"

@@ -35,6 +35,15 @@ pub enum RestSource {
     Obj(PathBuf),
 }
 
+/// Source of the material coordinates of a file that has none.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum FlatSource {
+    /// Those of a flat mesh of the same vertices (.obj).
+    Obj(PathBuf),
+    /// The form of each face in the rest pose: of garments, whose pattern is not known.
+    Shape,
+}
+
 /// Source of the held vertices.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum HandleSource {
@@ -60,8 +69,8 @@ pub struct ImportOptions {
     pub object: Option<String>,
     /// The rest pose.
     pub rest: RestSource,
-    /// A mesh file whose material coordinates are taken, where the file has none.
-    pub flat: Option<PathBuf>,
+    /// Where material coordinates are from, if not from the file.
+    pub flat: Option<FlatSource>,
     /// Axis that points up in files that do not say it.
     pub up: UpAxis,
     /// Trajectories to test on, by name, for caches that are not already in `train` and `test`.
@@ -69,8 +78,14 @@ pub struct ImportOptions {
 }
 
 impl ImportOptions {
-    /// Checks what must be positive.
+    /// Checks what must be positive, and what must go together.
     fn check(&self) -> Result<(), String> {
+        if (&self.rest, &self.flat) == (&RestSource::Flat, &Some(FlatSource::Shape)) {
+            return Err(
+                "a rest pose that is flat (option `rest`) needs a flat mesh (option `flat`)"
+                    .to_owned(),
+            );
+        }
         let numbers = [("density", self.density), ("frame_rate", self.frame_rate)];
         let bad = numbers.iter().find(|(_, n)| !(n.is_finite() && *n > 0.0));
         bad.map_or(Ok(()), |(option, found)| {
@@ -107,7 +122,10 @@ impl ImportOptions {
             import["object"] = json!(object);
         }
         if let Some(flat) = &self.flat {
-            import["flat"] = file(flat)?;
+            import["flat"] = match flat {
+                FlatSource::Obj(path) => file(path)?,
+                FlatSource::Shape => json!("shape"),
+            };
         }
         Ok(import)
     }

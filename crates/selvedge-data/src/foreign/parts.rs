@@ -2,10 +2,11 @@
 
 use glam::{DVec2, DVec3, Vec3};
 use selvedge_cloth::geometry::signed_area_2d;
-use selvedge_cloth::{Cloth, ClothArrays, Handles, Mesh};
+use selvedge_cloth::{Cloth, Handles, Mesh};
 use serde_json::Value;
 
 use crate::formats::file_error::Problem;
+use crate::formats::polygons::own_shape;
 use crate::trajectory::{Provenance, Trajectory};
 
 /// Largest difference of the sum of given areas from that in material space, as a share.
@@ -18,8 +19,8 @@ const FARTHEST: f64 = 1e6;
 pub struct TrajectoryParts {
     /// Corners of the faces, all turned one way in material space.
     pub faces: Vec<[u32; 3]>,
-    /// Material coordinates `[m]`.
-    pub material: Vec<DVec2>,
+    /// Material coordinates `[m]`; none where each face rests in the shape that it has in the rest pose.
+    pub material: Option<Vec<DVec2>>,
     /// Rest positions `[m]`.
     pub rest: Vec<DVec3>,
     /// Positions by frame and vertex `[m]`.
@@ -58,34 +59,35 @@ impl TrajectoryParts {
     }
 
     fn made(self) -> Result<Trajectory, String> {
-        let vertices = self.material.len();
         self.check()?;
-        let handles = Handles::new(&self.handles, vertices);
+        let handles = Handles::new(&self.handles, self.rest.len());
         let handles = handles.map_err(|error| format!("the handles: {error}"))?;
-        let faces = counter_clockwise(self.faces, &self.material)?;
-        let mesh = Mesh::new(&faces, self.material, self.rest);
-        let mesh = mesh.map_err(|error| format!("the mesh: {error}"))?;
-        let density = match self.weight {
-            Weight::Density(density) => density,
-            Weight::Given { .. } => 1.0,
-        };
-        let shape = mesh.rest_shape(density);
-        let (vertex_mass, face_area) = match self.weight {
-            Weight::Density(_) => (rounded(&shape.vertex_mass), rounded(&shape.face_area)),
-            Weight::Given { mass, area } => {
-                check_area(&area, shape.face_area.iter().sum())?;
-                (mass, area)
+        let mesh = match self.material {
+            Some(material) => {
+                let faces = counter_clockwise(self.faces, &material)?;
+                Mesh::new(&faces, material, self.rest)
+            }
+            None => {
+                let corner = |v: u32| self.rest[v as usize];
+                let faces = self.faces.iter();
+                let shapes: Vec<_> = faces
+                    .map(|face| own_shape(face.map(corner), DVec3::Y))
+                    .collect();
+                Mesh::sewn(&self.faces, &shapes, self.rest)
             }
         };
-        let coordinates = mesh.material_coordinates();
-        let arrays = ClothArrays {
-            rest_positions: mesh.positions().iter().map(|p| p.as_vec3()).collect(),
-            material_coordinates: coordinates.iter().map(|c| c.as_vec2()).collect(),
-            vertex_mass,
-            face_area,
+        let mesh = mesh.map_err(|error| format!("the mesh: {error}"))?;
+        let shape = match self.weight {
+            Weight::Density(density) => mesh.rest_shape(density),
+            Weight::Given { mass, area } => {
+                let mut shape = mesh.rest_shape(1.0);
+                check_area(&area, shape.face_area.iter().sum())?;
+                shape.vertex_mass = mass.into_iter().map(f64::from).collect();
+                shape.face_area = area.into_iter().map(f64::from).collect();
+                shape
+            }
         };
-        let cloth = Cloth::new(mesh.topology().clone(), handles, arrays);
-        let cloth = cloth.map_err(|error| error.to_string())?;
+        let cloth = Cloth::of_shape(&mesh, shape, handles).map_err(|error| error.to_string())?;
         let positions: Vec<Vec3> = self.positions.iter().map(|p| p.as_vec3()).collect();
         let program = concat!("selvedge ", env!("CARGO_PKG_VERSION"));
         let provenance = Provenance {
@@ -98,7 +100,7 @@ impl TrajectoryParts {
 
     /// Checks that faces name vertices that exist, and that no vertex is beyond all bounds.
     fn check(&self) -> Result<(), String> {
-        let vertices = self.material.len();
+        let vertices = self.rest.len();
         let corners = self.faces.iter().enumerate();
         let mut corners = corners.flat_map(|(face, corners)| corners.map(|vertex| (face, vertex)));
         if let Some((face, vertex)) = corners.find(|(_, vertex)| *vertex as usize >= vertices) {
@@ -165,8 +167,4 @@ fn check_area(area: &[f32], expected: f64) -> Result<(), String> {
     Err(format!(
         "the faces have {found} m² in all, but {expected} m² in material space: texture coordinates must be in metres"
     ))
-}
-
-fn rounded(values: &[f64]) -> Vec<f32> {
-    values.iter().map(|&v| v as f32).collect()
 }

@@ -177,3 +177,64 @@ fn one_cloth_of_several_is_named() {
     let words = ["\"middle\"", "[left, right]"];
     says(of(Some("middle")).unwrap_err(), &words);
 }
+
+/// A garment has no flat mesh of the same vertices: its faces rest as they stand at first, or as a mesh
+/// has them, and a mesh that is not flat is refused with that remedy.
+#[test]
+fn a_garment_without_a_pattern_can_be_learned_from() {
+    let (rings, around) = (3, 6);
+    let places = (0..rings * around).map(|k: usize| {
+        let angle = std::f64::consts::TAU * (k % around) as f64 / around as f64;
+        [angle.cos(), (k / around) as f64, angle.sin()]
+    });
+    let places: Vec<[f64; 3]> = places.collect();
+    let faces = (0..(rings - 1) * around).flat_map(|a| {
+        let b = a / around * around + (a + 1) % around;
+        [[a, a + around, b + around], [a, b + around, b]]
+    });
+    let lines = places.iter().map(|[x, y, z]| format!("v {x} {y} {z}\n"));
+    let corners = faces.map(|f| format!("f {} {} {}\n", f[0] + 1, f[1] + 1, f[2] + 1));
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = folder.path().join("a.obj");
+    std::fs::write(&mesh, lines.chain(corners).collect::<String>()).unwrap();
+    let mut cache = b"POINTCACHE2\0".to_vec();
+    let numbers = [1, places.len() as u32, 0, 1_f32.to_bits(), 2];
+    cache.extend(numbers.into_iter().flat_map(u32::to_le_bytes));
+    for wider in [1.0, 1.25] {
+        let frame = places.iter().flat_map(|[x, y, z]| [x * wider, *y, *z]);
+        cache.extend(frame.flat_map(|x| (x as f32).to_le_bytes()));
+    }
+    std::fs::write(folder.path().join("a.pc2"), cache).unwrap();
+    let read = |flat, rest| {
+        let options = ImportOptions {
+            flat,
+            rest,
+            ..options(30.0)
+        };
+        let source = ForeignSource::open(folder.path(), &options)?;
+        source.read(&source.runs()[0])
+    };
+    let made = read(Some(FlatSource::Shape), RestSource::FirstFrame).unwrap();
+    let area: f32 = made.cloth().face_area().iter().sum();
+    assert!(
+        (area - 12.0).abs() < 1e-5,
+        "{area} m²: each side is as wide as the radius"
+    );
+    let edges = made
+        .topology()
+        .edges()
+        .iter()
+        .zip(made.cloth().pattern().edge_lengths());
+    for (edge, length) in edges {
+        let [a, b] = edge.vertices.map(|v| made.frame(0)[v.index()]);
+        assert!((f64::from(a.distance(b)) - length).abs() < 1e-6);
+    }
+    for flat in [None, Some(FlatSource::Obj(mesh))] {
+        says(
+            read(flat, RestSource::FirstFrame).unwrap_err(),
+            &["`flat` shape"],
+        );
+    }
+    let error = read(Some(FlatSource::Shape), RestSource::Flat);
+    says(error.unwrap_err(), &["`rest`", "`flat`"]);
+}

@@ -100,25 +100,6 @@ pub fn edge_length_rmse(a: Frames<'_>, b: Frames<'_>, topology: &Topology) -> Re
     Ok((squares / (a.len() * topology.edges().len()) as f64).sqrt())
 }
 
-/// Relative error, e₃D `[eq:relative-error]`: mean over frames of ‖P - P̂‖/‖P‖, Frobenius norms of
-/// a frame's positions `[vertices, 3]` with P the truth `a`. No unit. It depends on where the
-/// origin is, unlike the other errors: the farther away, the smaller. Infinite where all of a frame
-/// lies at the origin and the run does not.
-pub fn relative_error(a: Frames<'_>, b: Frames<'_>) -> Result<f64, Problem> {
-    let (a, b) = common(a, b)?;
-    let of_frame = |(p, q): (&[Vec3], &[Vec3])| {
-        let error: f64 = distances(p, q).map(|d| d * d).sum();
-        let truth: f64 = p.iter().map(|p| p.as_dvec3().length_squared()).sum();
-        if error == 0.0 {
-            0.0
-        } else {
-            (error / truth).sqrt()
-        }
-    };
-    let sum: f64 = a.iter().zip(b.iter()).map(of_frame).sum();
-    Ok(sum / a.len() as f64)
-}
-
 /// The first frame of more than `frames` in a row whose largest strain, as from
 /// [`largest_strain`], is above `limit` or is not a number: where a run
 /// diverges, and does not merely stretch for a moment.

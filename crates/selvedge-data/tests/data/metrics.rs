@@ -5,7 +5,7 @@ use selvedge_cloth::{Cloth, Topology};
 use selvedge_data::Frames;
 use selvedge_data::metrics::{
     compare, edge_length_rmse, final_speed, largest_strain, mean_edge_length, mean_vertex_error,
-    per_frame_rmse, position_rmse, relative_error, speeds,
+    per_frame_rmse, position_rmse, speeds,
 };
 
 use crate::help::{says, sheet};
@@ -128,22 +128,4 @@ fn what_does_not_fit_is_an_error() {
     says(none, &["no frame to measure"]);
     let short = largest_strain(four, &topology, &[1.0]).unwrap_err();
     says(short, &["rest lengths for 1 edges, the mesh has 5"]);
-}
-
-#[test]
-fn the_relative_error_of_a_run_that_is_scaled_by_s_is_s_minus_1() {
-    let (_, positions, _) = square();
-    // Frame f is 1 + f/4 times too large: f/4 of each frame's own norm, 3/8 in the mean of four.
-    let truth = repeated(&positions, 4, |_| Vec3::new(0.5, -2.0, 1.0));
-    let run: Vec<Vec3> = (0..16)
-        .map(|i| truth[i] * (1.0 + (i / 4) as f32 / 4.0))
-        .collect();
-    let [a, b] = [&truth, &run].map(|run| frames(run));
-    assert!((relative_error(a, b).unwrap() - 0.375).abs() < ROUNDING);
-    assert_eq!(relative_error(a, a).unwrap(), 0.0);
-    // A truth at the origin: nothing to be relative to.
-    let zero = [Vec3::ZERO; 4];
-    let origin = Frames::new(&zero, 4).unwrap();
-    assert_eq!(relative_error(origin, origin).unwrap(), 0.0);
-    assert_eq!(relative_error(origin, a.first(1)).unwrap(), f64::INFINITY);
 }

@@ -50,7 +50,7 @@ errors! {
     mean_vertex_error: Mean;
     /// The largest distance of a vertex to the truth `[m]`.
     largest_vertex_error: Largest;
-    /// e₃D: ‖error‖/‖truth‖.
+    /// e₃D, ‖error‖/‖truth‖; it depends on where the origin is. `[eq:relative-error]`
     relative_error: Mean;
     /// √(mean over edges of the squared difference of lengths) `[m]`.
     edge_length_rmse: Square;

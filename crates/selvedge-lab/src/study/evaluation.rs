@@ -8,7 +8,7 @@ use selvedge_data::Split;
 use selvedge_guard::Correction;
 use serde::{Deserialize, Serialize};
 
-use super::{Desk, StudyData, processor, read_kept, training, write_kept};
+use super::{StudyData, StudyRun, processor, read_kept, training, write_kept};
 use crate::evaluation::{
     self, Case, Evaluation, EvaluationPlan, Horizons, Method, Mover, evaluate,
 };
@@ -44,52 +44,52 @@ struct Subject {
 const VERSION: u32 = 4;
 
 /// Fails where something that is to be measured cannot be: before any work is done.
-pub(super) fn check(desk: &Desk<'_>) -> Result<()> {
-    for data in &desk.data {
+pub(super) fn check(run: &StudyRun<'_>) -> Result<()> {
+    for data in &run.data {
         let context = || format!("data set {:?} of the study", data.name);
         data.set.verify_hashes().with_context(context)?;
     }
-    for entry in &desk.order.study.model {
-        let (path, _) = training::model_file(desk, entry)?;
+    for entry in &run.order.study.model {
+        let (path, _) = training::model_file(run, entry)?;
         selvedge::Model::open(Some(&path)).with_context(|| format!("model {:?}", entry.name))?;
     }
-    let cases = cases(desk)?;
+    let cases = cases(run)?;
     let rigid: Vec<Method> = Method::baseline("rigid").into_iter().collect();
     let plan = EvaluationPlan {
         cases: &cases,
         methods: &rigid,
-        horizons: &horizons(desk),
+        horizons: &horizons(run),
         references: None,
-        threads: desk.order.threads,
+        threads: run.order.threads,
     };
-    evaluation::check(&plan, desk.order.study.evaluation.horizons.is_some())
+    evaluation::check(&plan, run.order.study.evaluation.horizons.is_some())
         .map_err(|error| anyhow!("evaluation.{error}"))
 }
 
-fn horizons(desk: &Desk<'_>) -> Horizons {
-    let asked = &desk.order.study.evaluation;
+fn horizons(run: &StudyRun<'_>) -> Horizons {
+    let asked = &run.order.study.evaluation;
     let frames = asked.horizons.as_deref().unwrap_or(&Horizons::USUAL);
     Horizons::new(frames.iter().copied(), asked.starts)
 }
 
 /// Measures every method that is not measured yet. None where the listener asked to stop.
-pub(super) fn measure_all(desk: &Desk<'_>) -> Result<Option<Evaluation>> {
-    let cases = cases(desk)?;
-    folder::make_folder(&desk.order.out.join(EVALUATIONS))?;
+pub(super) fn measure_all(run: &StudyRun<'_>) -> Result<Option<Evaluation>> {
+    let cases = cases(run)?;
+    folder::make_folder(&run.order.out.join(EVALUATIONS))?;
     let mut waiting: Vec<(String, Option<Model>)> = Vec::new();
-    for entry in &desk.order.study.train {
-        let model = training::finished_model(desk, entry)?;
+    for entry in &run.order.study.train {
+        let model = training::finished_model(run, entry)?;
         waiting.push((entry.name.clone(), Some(model)));
     }
-    for entry in &desk.order.study.model {
-        let model = training::model_file(desk, entry)?;
+    for entry in &run.order.study.model {
+        let model = training::model_file(run, entry)?;
         waiting.push((entry.name.clone(), Some(model)));
     }
-    let baselines = desk.order.study.evaluation.baselines();
+    let baselines = run.order.study.evaluation.baselines();
     waiting.extend(baselines.map(|baseline| (baseline.name, None)));
     let mut results = Evaluation::default();
     for (name, model) in waiting {
-        let Some(found) = measure(desk, &cases, &name, model)? else {
+        let Some(found) = measure(run, &cases, &name, model)? else {
             return Ok(None);
         };
         results.runs.extend(found.runs);
@@ -101,10 +101,10 @@ pub(super) fn measure_all(desk: &Desk<'_>) -> Result<Option<Evaluation>> {
 /// The file of a model, which is opened where it must run, and its hash.
 type Model = (PathBuf, String);
 
-fn cases(desk: &Desk<'_>) -> Result<Vec<Case>> {
-    let asked = &desk.order.study.evaluation;
+fn cases(run: &StudyRun<'_>) -> Result<Vec<Case>> {
+    let asked = &run.order.study.evaluation;
     let is_asked = |name: &String| asked.data.is_empty() || asked.data.contains(name);
-    let sets = desk.data.iter().filter(|data| is_asked(&data.name));
+    let sets = run.data.iter().filter(|data| is_asked(&data.name));
     let mut cases = Vec::new();
     for StudyData { name, set, .. } in sets {
         let of_set = Case::recorded(name, set, Split::Test, &asked.motions);
@@ -116,11 +116,11 @@ fn cases(desk: &Desk<'_>) -> Result<Vec<Case>> {
 }
 
 /// Names and hashes of the data sets of `cases`.
-fn hashes(desk: &Desk<'_>, cases: &[Case]) -> Result<Vec<(String, String)>> {
+fn hashes(run: &StudyRun<'_>, cases: &[Case]) -> Result<Vec<(String, String)>> {
     let mut hashes: Vec<(String, String)> = Vec::new();
     for case in cases {
         if !hashes.iter().any(|known| known.0 == case.set) {
-            hashes.push((case.set.clone(), desk.data(&case.set)?.hash.clone()));
+            hashes.push((case.set.clone(), run.data(&case.set)?.hash.clone()));
         }
     }
     Ok(hashes)
@@ -139,28 +139,24 @@ fn kept_of(path: &Path, of: &Subject) -> Result<Option<Evaluation>> {
 
 /// Measures a model, or the baseline of this name where there is none.
 fn measure(
-    desk: &Desk<'_>,
+    run: &StudyRun<'_>,
     cases: &[Case],
     name: &str,
     model: Option<Model>,
 ) -> Result<Option<Evaluation>> {
-    let asked = &desk.order.study.evaluation;
+    let asked = &run.order.study.evaluation;
     let of = Subject {
         version: VERSION,
         model: model.as_ref().map_or(name, |model| &model.1).to_owned(),
-        data: hashes(desk, cases)?,
+        data: hashes(run, cases)?,
         motions: asked.motions.clone(),
-        horizons: horizons(desk),
+        horizons: horizons(run),
         device: match model {
-            Some(_) => desk.order.machine.name(),
+            Some(_) => run.order.machine.name(),
             None => processor(),
         },
     };
-    let path = desk
-        .order
-        .out
-        .join(EVALUATIONS)
-        .join(format!("{name}.json"));
+    let path = run.order.out.join(EVALUATIONS).join(format!("{name}.json"));
     if let Some(kept) = kept_of(&path, &of)? {
         return Ok(Some(kept));
     }
@@ -171,7 +167,7 @@ fn measure(
             mover: Mover::Model(
                 selvedge::Model::open(Some(&file))?.model,
                 Correction::None,
-                desk.order.machine.clone(),
+                run.order.machine.clone(),
             ),
         },
     };
@@ -180,9 +176,9 @@ fn measure(
         methods: &[method],
         horizons: &of.horizons,
         references: None,
-        threads: desk.order.threads,
+        threads: run.order.threads,
     };
-    let (evaluation, end) = evaluate(&plan, &mut desk.reporter.listener())?;
+    let (evaluation, end) = evaluate(&plan, &mut run.reporter.listener())?;
     if end == End::Interrupted {
         return Ok(None);
     }

@@ -70,15 +70,15 @@ pub fn run(order: StudyOrder<'_>, on_event: &mut OnEvent<'_>) -> Result<StudyOut
     let Some(data) = prepare(order, &reporter)? else {
         return Ok(outcome);
     };
-    let desk = Desk {
+    let run = StudyRun {
         order,
         reporter: &reporter,
         data,
     };
-    training::check_kept(&desk)?;
-    evaluation::check(&desk)?;
+    training::check_kept(&run)?;
+    evaluation::check(&run)?;
     let entries = entries_of(study, part);
-    let trained = train(&desk, &entries)?;
+    let trained = train(&run, &entries)?;
     outcome.trained = trained.len();
     if trained.len() < entries.len() {
         return Ok(outcome);
@@ -87,7 +87,7 @@ pub fn run(order: StudyOrder<'_>, on_event: &mut OnEvent<'_>) -> Result<StudyOut
         outcome.end = End::Complete;
         return Ok(outcome);
     }
-    let Some(measured) = evaluation::measure_all(&desk)? else {
+    let Some(measured) = evaluation::measure_all(&run)? else {
         return Ok(outcome);
     };
     outcome.measured = study.train.len() + study.model.len() + study.evaluation.baselines().count();
@@ -165,7 +165,7 @@ fn make(name: &str, folder: &Path, threads: Option<usize>, reporter: &Reporter<'
 }
 
 /// A study at work.
-struct Desk<'a> {
+struct StudyRun<'a> {
     order: StudyOrder<'a>,
     reporter: &'a Reporter<'a>,
     data: Vec<StudyData>,
@@ -179,7 +179,7 @@ struct StudyData {
     hash: String,
 }
 
-impl Desk<'_> {
+impl StudyRun<'_> {
     /// The data set of this name, which `file` has checked to be there.
     fn data(&self, name: &str) -> Result<&StudyData> {
         let found = self.data.iter().find(|data| data.name == name);
@@ -211,12 +211,12 @@ fn entries_of(study: &Study, part: Option<Shard>) -> Vec<usize> {
 }
 
 /// These trainings, one after another, as far as nobody asks for an end.
-fn train(desk: &Desk<'_>, entries: &[usize]) -> Result<Vec<Record>> {
+fn train(run: &StudyRun<'_>, entries: &[usize]) -> Result<Vec<Record>> {
     let mut trained = Vec::new();
     for place in entries {
-        let entry = &desk.order.study.train[*place];
+        let entry = &run.order.study.train[*place];
         let context = || format!("training {:?} of the study", entry.name);
-        match training::train(desk, entry).with_context(context)? {
+        match training::train(run, entry).with_context(context)? {
             Some(record) => trained.push(record),
             None => break,
         }

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::file::{Budget, Finished, Training};
-use super::{Desk, StudyData, hash_of, read_kept, write_kept};
+use super::{StudyData, StudyRun, hash_of, read_kept, write_kept};
 use crate::event::{Goal, Task};
 use crate::folder::{FolderKind, TRAININGS};
 use crate::{folder, training};
@@ -63,23 +63,23 @@ struct After {
 }
 
 /// Fails where a finished model is gone or another one: before any work is done.
-pub(super) fn check_kept(desk: &Desk<'_>) -> Result<()> {
-    for entry in &desk.order.study.train {
-        let folder = folder(desk, &entry.name);
+pub(super) fn check_kept(run: &StudyRun<'_>) -> Result<()> {
+    for entry in &run.order.study.train {
+        let folder = folder(run, &entry.name);
         if read_kept::<Record>(&folder.join(RECORD))?.is_some_and(|record| record.model.is_some()) {
-            finished_model(desk, entry)?;
+            finished_model(run, entry)?;
         }
     }
-    desk.order
+    run.order
         .study
         .model
         .iter()
-        .try_for_each(|entry| model_file(desk, entry).map(drop))
+        .try_for_each(|entry| model_file(run, entry).map(drop))
 }
 
 /// The file of a model that is there already, and its hash.
-pub(super) fn model_file(desk: &Desk<'_>, entry: &Finished) -> Result<(PathBuf, String)> {
-    let path = desk.order.study.folder.join(&entry.file);
+pub(super) fn model_file(run: &StudyRun<'_>, entry: &Finished) -> Result<(PathBuf, String)> {
+    let path = run.order.study.folder.join(&entry.file);
     let hash = hash_of(&path).with_context(|| {
         format!(
             "model {:?} of the study has vanished: train it again to {}, or remove the entry from the study",
@@ -91,8 +91,8 @@ pub(super) fn model_file(desk: &Desk<'_>, entry: &Finished) -> Result<(PathBuf, 
 }
 
 /// The file of a model whose training is finished, and its hash.
-pub(super) fn finished_model(desk: &Desk<'_>, entry: &Training) -> Result<(PathBuf, String)> {
-    let folder = folder(desk, &entry.name);
+pub(super) fn finished_model(run: &StudyRun<'_>, entry: &Training) -> Result<(PathBuf, String)> {
+    let folder = folder(run, &entry.name);
     let path = folder.join(files::MODEL);
     let remedy = || {
         format!(
@@ -121,14 +121,14 @@ pub(super) fn finished_model(desk: &Desk<'_>, entry: &Training) -> Result<(PathB
 }
 
 /// Trains `entry`, or goes on with it, or finds it finished. None where an end was asked for.
-pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> Result<Option<Record>> {
-    let data = desk.data(desk.order.study.data_of(entry)?)?;
-    let mut cfg = desk.order.study.config(entry)?;
-    let after = after(desk, entry)?;
-    if let Budget::Steps(steps) = desk.order.study.budget(entry)? {
+pub(super) fn train(run: &StudyRun<'_>, entry: &Training) -> Result<Option<Record>> {
+    let data = run.data(run.order.study.data_of(entry)?)?;
+    let mut cfg = run.order.study.config(entry)?;
+    let after = after(run, entry)?;
+    if let Budget::Steps(steps) = run.order.study.budget(entry)? {
         cfg.steps = steps + after.as_ref().map_or(0, |after| after.steps);
     }
-    let folder = folder(desk, &entry.name);
+    let folder = folder(run, &entry.name);
     let _claimed = folder::claim_folder(&folder, FolderKind::Training)?;
     let path = folder.join(RECORD);
     if folder.join(files::CHECKPOINT).is_file() && !path.is_file() {
@@ -138,16 +138,16 @@ pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> Result<Option<Record>>
             folder.display()
         );
     }
-    let mut record = record(desk, entry, after, &cfg, data)?;
+    let mut record = record(run, entry, after, &cfg, data)?;
     if record.model.is_some() {
         return Ok(Some(record));
     }
-    let Some(mut trainer) = trainer(desk, entry, record.after.as_ref(), cfg, data)? else {
+    let Some(mut trainer) = trainer(run, entry, record.after.as_ref(), cfg, data)? else {
         return Ok(None);
     };
     record.parameters = trainer.parameter_count();
     write_kept(&path, &record)?;
-    let task = begin(desk, &entry.name, &trainer, &record);
+    let task = begin(run, &entry.name, &trainer, &record);
     loop {
         let end = slice(&mut trainer, &folder, &mut record, &task)?;
         let is_last = match (end, record.budget) {
@@ -170,25 +170,25 @@ pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> Result<Option<Record>>
 }
 
 /// The finished training that `entry` goes on from.
-fn after(desk: &Desk<'_>, entry: &Training) -> Result<Option<After>> {
+fn after(run: &StudyRun<'_>, entry: &Training) -> Result<Option<After>> {
     let Some(name) = &entry.after else {
         return Ok(None);
     };
-    let path = folder(desk, name).join(RECORD);
+    let path = folder(run, name).join(RECORD);
     let record = read_kept::<Record>(&path)?;
     let finished = record.and_then(|record| Some((record.model?, record.steps_done)));
     let (model, steps) = finished.ok_or_else(|| {
         let path = path.display();
         anyhow!("{path}: training {name:?} is not finished")
     })?;
-    let before = desk
+    let before = run
         .order
         .study
         .train
         .iter()
         .find(|entry| entry.name == *name);
     let continues = match before {
-        Some(before) => desk.order.study.continues(entry, before)?,
+        Some(before) => run.order.study.continues(entry, before)?,
         None => false,
     };
     Ok(Some(After {
@@ -200,7 +200,7 @@ fn after(desk: &Desk<'_>, entry: &Training) -> Result<Option<After>> {
 
 /// The record of a training, which may be at its beginning.
 fn record(
-    desk: &Desk<'_>,
+    run: &StudyRun<'_>,
     entry: &Training,
     after: Option<After>,
     cfg: &TrainConfig,
@@ -209,15 +209,15 @@ fn record(
     let fresh = Record {
         config: serde_json::to_value(cfg)?,
         data: data.hash.clone(),
-        budget: desk.order.study.budget(entry)?,
+        budget: run.order.study.budget(entry)?,
         after,
-        device: desk.order.machine.name(),
+        device: run.order.machine.name(),
         steps_done: 0,
         seconds: 0.0,
         parameters: 0,
         model: None,
     };
-    let folder = folder(desk, &entry.name);
+    let folder = folder(run, &entry.name);
     match read_kept::<Record>(&folder.join(RECORD))? {
         Some(known) => check_same(&known, &fresh, &folder).map(|()| known),
         None => Ok(fresh),
@@ -227,8 +227,8 @@ fn record(
 /// The name of the record in a training's folder.
 const RECORD: &str = "record.json";
 
-fn folder(desk: &Desk<'_>, name: &str) -> PathBuf {
-    desk.order.out.join(TRAININGS).join(name)
+fn folder(run: &StudyRun<'_>, name: &str) -> PathBuf {
+    run.order.out.join(TRAININGS).join(name)
 }
 
 /// A training in this folder goes on only as what it was begun as.
@@ -267,25 +267,25 @@ fn check_device(known: &Record, now: &Record, folder: &Path) -> Result<()> {
 /// At the checkpoint of its folder, at the end of the training before it or with the weights of
 /// that, or new. None where an end was asked for.
 fn trainer(
-    desk: &Desk<'_>,
+    run: &StudyRun<'_>,
     entry: &Training,
     after: Option<&After>,
     cfg: TrainConfig,
     data: &StudyData,
 ) -> Result<Option<Trainer>> {
-    let engine = crate::machine::engine(desk.order.machine, MICRO_BATCH);
-    let own = folder(desk, &entry.name).join(files::CHECKPOINT);
-    let listener = &mut desk.reporter.listener();
+    let engine = crate::machine::engine(run.order.machine, MICRO_BATCH);
+    let own = folder(run, &entry.name).join(files::CHECKPOINT);
+    let listener = &mut run.reporter.listener();
     let trainer = match after {
         _ if own.is_file() => Some(Trainer::resume(cfg, &data.set, &own, &*engine)?),
         Some(After { name, steps: 0, .. }) => {
-            let file = folder(desk, name).join(files::MODEL);
+            let file = folder(run, name).join(files::MODEL);
             let before =
                 selvedge::Model::open(Some(&file)).with_context(|| format!("training {name:?}"))?;
             training::begin(Some(&before.model), cfg, &data.set, &*engine, listener)?
         }
         Some(After { name, .. }) => {
-            let checkpoint = folder(desk, name).join(files::CHECKPOINT);
+            let checkpoint = folder(run, name).join(files::CHECKPOINT);
             let trainer = Trainer::resume(cfg, &data.set, &checkpoint, &*engine)
                 .with_context(|| format!("going on after training {name:?}"))?;
             Some(trainer)
@@ -329,13 +329,13 @@ fn time_left(budget: Duration, record: &Record) -> Duration {
 }
 
 /// Counts the steps of what is left of a training.
-fn begin<'a>(desk: &Desk<'a>, name: &str, trainer: &Trainer, record: &Record) -> Task<'a, 'a> {
+fn begin<'a>(run: &StudyRun<'a>, name: &str, trainer: &Trainer, record: &Record) -> Task<'a, 'a> {
     let goal = match record.budget {
         Budget::Time(time) => Goal::Time(time_left(time, record)),
         Budget::Steps(_) => {
             Goal::Count(trainer.config().steps.saturating_sub(trainer.steps_done()))
         }
     };
-    desk.reporter
+    run.reporter
         .begin(&format!("training {name}"), goal, "steps")
 }

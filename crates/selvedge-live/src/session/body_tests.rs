@@ -141,7 +141,7 @@ fn a_cloth_is_dropped_and_gaps_are_told_where_they_are_wanted() {
     assert_eq!(session.showing.gaps(), [vec![0.25; 4]]);
     ask(&mut session, Command::Drop);
     let live = session.showing.live.as_ref().unwrap();
-    assert!(live.hold().handles.is_empty());
+    assert!(live.influences().handles.is_empty());
     session.advance();
 }
 

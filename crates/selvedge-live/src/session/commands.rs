@@ -10,7 +10,7 @@ use crate::hand::{HandLimits, Hands};
 use crate::live_cloth::LiveCloth;
 use crate::mover::{Mover, Reason};
 use crate::order::Order;
-use crate::player::{Player, Tape};
+use crate::player::{Player, Replay};
 use crate::protocol::{ClientMessage, Command, Drag};
 use crate::recorder::Recorder;
 use crate::state::Level;
@@ -109,8 +109,8 @@ impl Session {
             Command::Record => return self.record(),
             Command::StopRecording => self.stop_recording(),
             Command::Replay => {
-                let tape = self.recordings.tape.clone();
-                self.play(tape.ok_or("nothing has been recorded yet")?);
+                let replay = self.recordings.replay.clone();
+                self.play(replay.ok_or("nothing has been recorded yet")?);
             }
             Command::Live => self.go_live(),
             Command::Seek { frame } => {
@@ -179,8 +179,8 @@ impl Session {
         let (mut live, problem) = LiveCloth::new(ready, mover)?;
         if let (Some(before), true) = (before, order.scene == self.order.scene) {
             // Another mesh or material in the same wind.
-            let wind = before.hold().environment.wind;
-            if wind != live.hold().environment.wind {
+            let wind = before.influences().environment.wind;
+            if wind != live.influences().environment.wind {
                 live.set_wind(wind)?;
             }
         }
@@ -240,7 +240,7 @@ impl Session {
         let Some(live) = &mut self.showing.live else {
             return Ok(());
         };
-        if wind != live.hold().environment.wind {
+        if wind != live.influences().environment.wind {
             live.set_wind(wind)?;
             self.end_recording("a recording has the same wind from start to end: ");
         }
@@ -256,7 +256,7 @@ impl Session {
         self.unfollow();
         if let Some(live) = &self.showing.live {
             for (vertex, goal) in &drag.goals {
-                let mut handles = live.hold().handles.vertices().iter();
+                let mut handles = live.influences().handles.vertices().iter();
                 if let Some(handle) = handles.position(|v| v.0 == *vertex) {
                     self.control.hands.want(handle, *goal);
                 }
@@ -282,7 +282,7 @@ impl Session {
         let Some(live) = &self.showing.live else {
             return Ok(());
         };
-        let handles = live.hold().handles.vertices().iter();
+        let handles = live.influences().handles.vertices().iter();
         let held: Vec<u32> = handles.map(|v| v.0).collect();
         let mut all = held.clone();
         change(&mut all);
@@ -342,7 +342,7 @@ impl Session {
             Ok(written) => {
                 let files = written.files.iter();
                 let names: Vec<String> = files.map(|file| file.display().to_string()).collect();
-                self.recordings.tape = Some(written.tape);
+                self.recordings.replay = Some(written.replay);
                 self.recordings.files = written.files;
                 let names = names.join(" and ");
                 self.notify(
@@ -354,10 +354,10 @@ impl Session {
         }
     }
 
-    /// Plays a tape; the cloth on the table waits.
-    pub(super) fn play(&mut self, tape: Tape) {
+    /// Plays a replay; the cloth on the table waits.
+    pub(super) fn play(&mut self, replay: Replay) {
         self.stop_recording();
-        self.showing.player = Some(Player::new(tape));
+        self.showing.player = Some(Player::new(replay));
         self.resume();
         self.publish_cloth();
     }

@@ -137,7 +137,7 @@ mod tests {
         let opening = Opening {
             order: order("corners"),
             mover: Mover::Physics,
-            tape: None,
+            replay: None,
         };
         EmbeddedSession::new(Box::<TestWorkshop>::default(), opening, None)
     }

@@ -39,7 +39,7 @@ use crate::live_cloth::LiveCloth;
 use crate::mover::{LiveError, Mover};
 use crate::order::Order;
 use crate::pace::{DEFAULT_FRAME_RATE, Pace};
-use crate::player::Tape;
+use crate::player::Replay;
 use crate::protocol::{self, ClientMessage, FrameParts};
 use crate::recorder::{Destination, Recorder};
 use crate::state::{Level, State};
@@ -52,7 +52,7 @@ pub struct Opening {
     /// The mover of the cloth.
     pub mover: Mover,
     /// A recording to play first; the cloth is then made ready when it is asked for.
-    pub tape: Option<Tape>,
+    pub replay: Option<Replay>,
 }
 
 /// A request to a session.
@@ -119,7 +119,7 @@ struct Recordings {
     destination: Destination,
     recorder: Option<Recorder>,
     /// The last recording, and its files.
-    tape: Option<Tape>,
+    replay: Option<Replay>,
     files: Vec<PathBuf>,
 }
 
@@ -147,15 +147,15 @@ impl Session {
             recordings: Recordings {
                 destination,
                 recorder: None,
-                tape: None,
+                replay: None,
                 files: Vec::new(),
             },
             viewers: 0,
             busy: None,
             remarked: None,
         };
-        match opening.tape {
-            Some(tape) => session.play(tape),
+        match opening.replay {
+            Some(replay) => session.play(replay),
             None => session.place_order(session.order.clone()),
         }
         session
@@ -237,7 +237,7 @@ impl Session {
             (None, Some(live)) => {
                 let places = live.places();
                 let movers = &live.ready().movers;
-                movers.remark_on(live.mover(), live.hold(), &places)
+                movers.remark_on(live.mover(), live.influences(), &places)
             }
             _ => None,
         };
@@ -264,7 +264,7 @@ impl Session {
 
     fn state(&self) -> State {
         let live = self.showing.live.as_ref();
-        let wind = live.map(|live| live.hold().environment.wind);
+        let wind = live.map(|live| live.influences().environment.wind);
         let files = self.recordings.files.iter();
         State {
             generation: self.writers.generation(),
@@ -283,7 +283,7 @@ impl Session {
             recorded: files.map(|file| file.display().to_string()).collect(),
             touches: self.showing.has_bodies(),
             gaps: self.shows_gaps,
-            can_replay: self.recordings.tape.is_some(),
+            can_replay: self.recordings.replay.is_some(),
             can_live: self.showing.player.is_some(),
             busy: self.busy.clone(),
             remark: self.remarked.clone(),

@@ -133,7 +133,7 @@ impl Session {
             self.take_hold(&following.free)?;
         }
         if let Some(live) = &self.showing.live {
-            let handles = &live.hold().handles;
+            let handles = &live.influences().handles;
             let is_known = self
                 .control
                 .reach

@@ -29,7 +29,7 @@ impl Showing {
     /// The constant part of the cloth.
     pub(super) fn cloth(&self) -> Option<&Cloth> {
         match (&self.player, &self.live) {
-            (Some(player), _) => Some(player.tape().first().cloth()),
+            (Some(player), _) => Some(player.replay().first().cloth()),
             (None, live) => live.as_ref().map(|live| &*live.ready().cloth),
         }
     }
@@ -37,7 +37,7 @@ impl Showing {
     /// The bodies beside it.
     pub(super) fn bodies(&self) -> Vec<Body> {
         match (&self.player, &self.live) {
-            (Some(player), _) => Body::of_recording(player.tape().first()),
+            (Some(player), _) => Body::of_recording(player.replay().first()),
             (None, Some(live)) => live.ready().bodies.clone(),
             (None, None) => Vec::new(),
         }
@@ -60,7 +60,7 @@ impl Showing {
     /// Frames per second.
     pub(super) fn frame_rate(&self) -> f64 {
         match (&self.player, &self.live) {
-            (Some(player), _) => player.tape().first().frame_rate(),
+            (Some(player), _) => player.replay().first().frame_rate(),
             (None, Some(live)) => live.ready().frame_rate,
             (None, None) => DEFAULT_FRAME_RATE,
         }
@@ -71,12 +71,12 @@ impl Showing {
     pub(super) fn frame(&self, hands: &Hands) -> Option<FrameParts<'_>> {
         let (frame, handles, goals, tracks, bodies) = match (&self.player, &self.live) {
             (Some(player), _) => {
-                let (handles, tracks) = (player.tape().first().handles(), player.positions());
+                let (handles, tracks) = (player.replay().first().handles(), player.positions());
                 let goals = handles.of(tracks[0]).map(|p| p.as_dvec3()).collect();
                 (player.frame(), handles, goals, tracks, player.body_points())
             }
             (None, Some(live)) => {
-                let (handles, tracks) = (&live.hold().handles, live.positions());
+                let (handles, tracks) = (&live.influences().handles, live.positions());
                 let bodies = live.body_points();
                 (live.frame(), handles, hands.goals(), tracks, bodies)
             }

@@ -27,7 +27,7 @@ fn opening(scene: &str, mover: Mover) -> Opening {
     Opening {
         order: order(scene),
         mover,
-        tape: None,
+        replay: None,
     }
 }
 

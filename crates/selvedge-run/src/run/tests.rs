@@ -238,3 +238,21 @@ fn a_run_that_is_asked_to_stop_is_as_it_was() {
         (&before[..], velocities)
     );
 }
+
+/// A sheet of 3 cm on a ball is thrown off with two substeps, and lies on it with eight.
+#[test]
+fn edges_too_short_for_the_substeps_are_warned_of() {
+    let said = |size: f64, substeps: u32| {
+        let mut built = hanging();
+        built.mesh = built.mesh.with_pattern_scaled(size).unwrap();
+        built.physics.substeps = substeps;
+        built.contact = Some(ContactSettings::default());
+        start::thrown(&built)
+    };
+    let warning = said(0.01, 2).unwrap();
+    assert!(
+        warning.contains("physics.substeps to 4 or more"),
+        "{warning}"
+    );
+    assert_eq!((said(0.01, 4), said(1.0, 2)), (None, None));
+}

@@ -5,9 +5,10 @@ use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
 use selvedge_data::Split;
+use selvedge_guard::Correction;
 use selvedge_lab::evaluation::{Horizons, Method, PhysicsMethod, RandomCases};
 
-use super::{DeviceArgs, GuardName};
+use super::DeviceArgs;
 
 /// Threads at most: more than any machine has, few enough to be started.
 pub(super) const MOST_THREADS: i64 = 1024;
@@ -47,16 +48,16 @@ pub(crate) struct EvalArgs {
     /// the option for several [default: paper, where nothing else is measured].
     #[arg(long = "model", value_name = "[NAME=]FILE")]
     pub(crate) models: Vec<String>,
-    /// Correction of frames that no cloth could have; several, separated by commas, are several
+    /// Correction of frames that no cloth could have: none, or limit, which brings edges back within
+    /// bounds and lets the solver replace what is lost; several, separated by commas, are several
     /// methods.
     #[arg(
         long = "guard",
-        value_enum,
         value_name = "GUARDS",
         value_delimiter = ',',
         default_value = "limit"
     )]
-    guards: Vec<GuardName>,
+    guards: Vec<Correction>,
     /// Physics with so many substeps per frame, by the scene's integrator or another one, as
     /// linearised:4; several, separated by commas.
     #[arg(long, value_name = "[INTEGRATOR:]SUBSTEPS", value_delimiter = ',', value_parser = PhysicsMethod::from_str)]
@@ -126,7 +127,7 @@ pub(crate) struct EvalArgs {
 
 impl EvalArgs {
     /// The guards that are asked for, each once.
-    pub(crate) fn guards(&self) -> Vec<GuardName> {
+    pub(crate) fn guards(&self) -> Vec<Correction> {
         each_once(&self.guards)
     }
 

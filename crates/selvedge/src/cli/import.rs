@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use selvedge_cloth::PhysicsSettings;
-use selvedge_data::foreign::{HandleSource, ImportOptions, RestSource};
+use selvedge_data::foreign::{FlatSource, HandleSource, ImportOptions, RestSource};
 
 use super::export::UpName;
 
@@ -46,8 +46,9 @@ pub(crate) struct ImportArgs {
     /// The rest pose: flat, first-frame, or a mesh (.obj, y up).
     #[arg(long, value_name = "WHICH", default_value = "first-frame")]
     pub(crate) rest: String,
-    /// A mesh (.obj) whose material coordinates are taken where the file has none.
-    #[arg(long, value_name = "FILE")]
+    /// A flat mesh of the same vertices (.obj) whose material coordinates are taken where the file has
+    /// none; or shape: each face as the rest pose has it, for garments.
+    #[arg(long, value_name = "WHICH")]
     pub(crate) flat: Option<PathBuf>,
     /// The axis that points up in files that do not say it.
     #[arg(long, value_enum, default_value_t = UpName::Y)]
@@ -97,7 +98,10 @@ impl ImportArgs {
                 "first-frame" => RestSource::FirstFrame,
                 path => RestSource::Obj(PathBuf::from(path)),
             },
-            flat: self.flat.clone(),
+            flat: self.flat.clone().map(|flat| match flat.to_str() {
+                Some("shape") => FlatSource::Shape,
+                _ => FlatSource::Obj(flat),
+            }),
             up: self.up.axis(),
             test: self.test.clone(),
         }

@@ -5,14 +5,15 @@ use std::str::FromStr;
 
 use clap::Args;
 use selvedge_data::{StartSpec, ending_of};
+use selvedge_guard::Correction;
 
-use super::{DeviceArgs, GuardName, MOST_FRAMES};
+use super::{DeviceArgs, MOST_FRAMES};
 
-/// Run a scene: by the physics, or by a model.
+/// Run a scene: by the solver, or by a model.
 ///
 /// The cloth starts where the scene says, by default in its sagged rest pose; then the handles
 /// follow the scene's motion. With --model the network moves the cloth frame by frame, and with
-/// --compare the physics runs the same scene and both are drawn side by side. Ctrl-C writes the
+/// --compare the solver runs the same scene and both are drawn side by side. Ctrl-C writes the
 /// frames so far.
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -27,7 +28,7 @@ Examples:
   selvedge run my-scene.toml --model my-model.safetensors -o my-run --export cloth.usda
   selvedge run my-large-scene.toml --model paper --device gpu
 
-The physics writes one trajectory. With a model -o names a folder, which gets rollout.safetensors,
+The solver writes one trajectory. With a model -o names a folder, which gets rollout.safetensors,
 with --compare truth.safetensors, sheet.png (a contact sheet) and clip.gif; files of these names from
 an earlier run are removed first.")]
 pub(crate) struct RunArgs {
@@ -49,10 +50,10 @@ pub(crate) struct RunArgs {
     /// .abc, .glb, .pc2, .npz, .gif or .mp4; repeat the option for several (`selvedge export` has more).
     #[arg(long, value_name = "FILE")]
     pub(crate) export: Vec<PathBuf>,
-    /// Physics: find the sagged rest pose and write that alone.
+    /// Solver: find the sagged rest pose and write that alone.
     #[arg(long, conflicts_with_all = ["model", "frames", "export", "start", "states"])]
     pub(crate) rest: bool,
-    /// Physics: start elsewhere than the scene says: `rest`, the sagged rest pose; `mesh`, where
+    /// Solver: start elsewhere than the scene says: `rest`, the sagged rest pose; `mesh`, where
     /// the mesh stands, as a flat sheet that falls; `untangle`, from there moved apart where it meets
     /// itself; `fit`, from there relaxed into the pattern, for garments that are strained as they
     /// stand; or a saved state (.safetensors, .npz), FILE:N for
@@ -60,16 +61,17 @@ pub(crate) struct RunArgs {
     /// [vertices, 3], or [states, vertices, 3] with the frame of each in frames (or ckpt_frames).
     #[arg(long, value_name = "WHERE", conflicts_with = "model", value_parser = StartChoice::from_str)]
     pub(crate) start: Option<StartChoice>,
-    /// Physics: also keep positions and velocities of every frame in double precision
+    /// Solver: also keep positions and velocities of every frame in double precision
     /// (.safetensors).
     #[arg(long, value_name = "FILE", conflicts_with = "model")]
     pub(crate) states: Option<PathBuf>,
-    /// Model: also run the physics and compare with it.
+    /// Model: also run the solver and compare with it.
     #[arg(long, requires = "model")]
     pub(crate) compare: bool,
-    /// Model: correction of frames that no cloth could have.
-    #[arg(long, value_enum, default_value_t = GuardName::Limit, requires = "model")]
-    pub(crate) guard: GuardName,
+    /// Model: correction of frames that no cloth could have: none, or limit, which brings edges back
+    /// within bounds and lets the solver replace what is lost.
+    #[arg(long, default_value = "limit", requires = "model")]
+    pub(crate) guard: Correction,
     /// Model: write how far each frame can be trusted to this file (.csv): verdict, strains, energy,
     /// speed, correction.
     #[arg(long, value_name = "FILE", requires = "model")]
@@ -88,7 +90,7 @@ impl RunArgs {
         self.output.as_deref().unwrap_or(Path::new("out"))
     }
 
-    /// The trajectory of the physics.
+    /// The trajectory of the solver.
     pub(crate) fn file(&self) -> &Path {
         self.output
             .as_deref()
@@ -96,7 +98,7 @@ impl RunArgs {
     }
 }
 
-/// The start of a run by the physics.
+/// The start of a run by the solver.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum StartChoice {
     /// The rest pose or the mesh, as scenes say it.

@@ -9,7 +9,7 @@ use super::DeviceArgs;
 
 /// Drag a cloth, live, in the browser.
 ///
-/// Serves a page at an address of this machine and says where. The cloth is moved by the physics, by
+/// Serves a page at an address of this machine and says where. The cloth is moved by the solver, by
 /// a learned model, or by both side by side with the same handles; or a recorded trajectory is
 /// played. Several pages may watch. Ctrl-C ends; a recording under way is written.
 #[derive(Debug, Args)]
@@ -59,7 +59,7 @@ pub(crate) struct ViewArgs {
 pub(crate) enum Shown {
     /// The learned model.
     Model,
-    /// The simulator.
+    /// The solver.
     Physics,
     /// Both, side by side.
     Both,

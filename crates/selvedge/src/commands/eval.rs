@@ -204,7 +204,7 @@ fn open_models(
                     1 => name.clone(),
                     _ => format!("{name} ({})", guard.name()),
                 },
-                mover: Mover::Model(Arc::clone(&model), guard.settings(), machine.clone()),
+                mover: Mover::Model(Arc::clone(&model), *guard, machine.clone()),
             });
         }
     }

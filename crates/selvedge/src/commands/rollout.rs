@@ -67,7 +67,7 @@ pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
     let network = Network {
         model: &model,
         machine: &machine,
-        guard: args.guard.settings(),
+        guard: args.guard,
     };
     let mut setup = setup(args, loaded.into(), network)?;
     let mut wrote = Vec::new();

@@ -8,7 +8,7 @@ use std::time::Duration;
 use anyhow::Context;
 use selvedge_data::{Trajectory, ending_of};
 use selvedge_live::{
-    Mover, NamedTrack, Opening, RunningServer, ServerSettings, Tape, serve, start,
+    Mover, NamedTrack, Opening, Replay, RunningServer, ServerSettings, serve, start,
 };
 use selvedge_workshop::SceneWorkshop;
 use serde_json::json;
@@ -23,13 +23,13 @@ const FALLBACK_SCENE: &str = "default";
 
 /// Serves the viewer until Ctrl-C.
 pub(crate) fn run(args: &ViewArgs) -> anyhow::Result<Answer> {
-    let tape = tape(args)?;
-    let scene = match tape {
+    let replay = replay(args)?;
+    let scene = match replay {
         Some(_) => FALLBACK_SCENE,
         None => &args.subject,
     };
     let workshop = SceneWorkshop::new(scene, &args.model, args.machine.open()?)?;
-    if tape.is_none() {
+    if replay.is_none() {
         // What is wrong with the scene is said here and now, not in the page.
         crate::scenes::open(scene)?;
     }
@@ -40,7 +40,7 @@ pub(crate) fn run(args: &ViewArgs) -> anyhow::Result<Answer> {
             Shown::Physics => Mover::Physics,
             Shown::Both => Mover::Both,
         },
-        tape,
+        replay,
     };
     let session = start(Box::new(workshop), opening, args.recordings.clone());
     let session = session.context("starting the session")?;
@@ -95,7 +95,7 @@ fn open_browser(address: &str) -> bool {
 }
 
 /// The recordings to play, if it is recordings.
-fn tape(args: &ViewArgs) -> anyhow::Result<Option<Tape>> {
+fn replay(args: &ViewArgs) -> anyhow::Result<Option<Replay>> {
     if ending_of(Path::new(&args.subject)) != "safetensors" {
         return match args.beside {
             Some(_) => Err(wrong("--beside needs a trajectory to stand beside")),
@@ -106,7 +106,7 @@ fn tape(args: &ViewArgs) -> anyhow::Result<Option<Tape>> {
     if let Some(beside) = &args.beside {
         tracks.push(track(beside)?);
     }
-    Ok(Some(Tape::new(args.subject.clone(), tracks)?))
+    Ok(Some(Replay::new(args.subject.clone(), tracks)?))
 }
 
 fn track(path: &Path) -> anyhow::Result<NamedTrack> {

@@ -2,7 +2,7 @@
 //! interruption.
 
 use crate::common::{
-    Desk, PUSH, PUSH_FRAMES, TRAINING, contents, names_in, number, rows, tiny_preset,
+    PUSH, PUSH_FRAMES, TRAINING, TestFolder, contents, names_in, number, rows, tiny_preset,
 };
 use selvedge_data::{Dataset, Split};
 use serde_json::Value;
@@ -14,115 +14,115 @@ fn tiny_with(sag: &str) -> String {
 
 #[test]
 fn a_second_run_makes_only_what_is_missing() {
-    let desk = Desk::new();
-    desk.tiny();
-    let whole = contents(&desk.path("tiny"));
-    std::fs::remove_file(desk.path("tiny/train/turn.safetensors")).unwrap();
-    let report = desk.json("data generate tiny -o tiny");
+    let dir = TestFolder::new();
+    dir.tiny();
+    let whole = contents(&dir.path("tiny"));
+    std::fs::remove_file(dir.path("tiny/train/turn.safetensors")).unwrap();
+    let report = dir.json("data generate tiny -o tiny");
     assert_eq!(number(&report, "/trajectories_kept"), 2.0);
     // The turn lasts one second.
     assert_eq!(number(&report, "/frames_made"), 61.0);
-    assert!(contents(&desk.path("tiny")) == whole);
+    assert!(contents(&dir.path("tiny")) == whole);
 }
 
 #[test]
 fn a_preset_whose_cloth_finds_no_rest_is_corrected_in_the_same_folder() {
-    let desk = Desk::new();
+    let dir = TestFolder::new();
     let generate = "data generate own.toml -o sets/own";
-    desk.write("own.toml", tiny_with("max_steps = 1"));
-    desk.fails(generate, 1, &["rest pose", "sag.max_steps"]);
-    assert!(!desk.path("sets").exists());
-    desk.write("own.toml", tiny_with("max_steps = 100000"));
-    desk.json(generate);
+    dir.write("own.toml", tiny_with("max_steps = 1"));
+    dir.fails(generate, 1, &["rest pose", "sag.max_steps"]);
+    assert!(!dir.path("sets").exists());
+    dir.write("own.toml", tiny_with("max_steps = 100000"));
+    dir.json(generate);
 }
 
 #[test]
 fn a_folder_of_something_else_is_left_alone() {
-    let desk = Desk::new();
-    std::fs::create_dir_all(desk.path("mine/train")).unwrap();
-    desk.write("mine/train/thesis.txt", "precious");
-    desk.fails("data generate tiny -o mine", 1, &["mine", "empty folder"]);
-    assert_eq!(names_in(&desk.path("mine/train")), ["thesis.txt"]);
-    desk.fails("info mine", 1, &["index.json"]);
+    let dir = TestFolder::new();
+    std::fs::create_dir_all(dir.path("mine/train")).unwrap();
+    dir.write("mine/train/thesis.txt", "precious");
+    dir.fails("data generate tiny -o mine", 1, &["mine", "empty folder"]);
+    assert_eq!(names_in(&dir.path("mine/train")), ["thesis.txt"]);
+    dir.fails("info mine", 1, &["index.json"]);
 }
 
 #[test]
 fn inspection_tells_of_a_data_set_and_draws_every_trajectory() {
-    let desk = Desk::new();
-    desk.tiny();
-    let report = desk.json("info tiny --picture seen");
-    let dataset = Dataset::open(&desk.path("tiny")).unwrap();
+    let dir = TestFolder::new();
+    dir.tiny();
+    let report = dir.json("info tiny --picture seen");
+    let dataset = Dataset::open(&dir.path("tiny")).unwrap();
     let samples = dataset.samples().count() as f64;
     assert_eq!(number(&report, "/statistics/samples"), samples);
     let names = ["test-lift.png", "train-push.png", "train-turn.png"];
     assert_eq!(rows(&report, "pictures").len(), names.len());
-    assert_eq!(names_in(&desk.path("seen")), names);
+    assert_eq!(names_in(&dir.path("seen")), names);
     for name in names {
-        assert_eq!(desk.read(&format!("seen/{name}"))[1..4], *b"PNG");
+        assert_eq!(dir.read(&format!("seen/{name}"))[1..4], *b"PNG");
     }
-    desk.refuses("2 | info tiny --picture tiny.png | data set | folder");
+    dir.refuses("2 | info tiny --picture tiny.png | data set | folder");
     // What a preset will make is told without making it.
-    let plan = desk.json("info paper");
+    let plan = dir.json("info paper");
     assert_eq!(number(&plan, "/samples"), 6550.0);
     assert_eq!(number(&plan, "/frames"), 31.0 * 1261.0);
     assert_eq!(rows(&plan["forecast"], "sections").len(), 42);
-    assert_eq!(desk.names(), ["seen", "tiny"]);
+    assert_eq!(dir.names(), ["seen", "tiny"]);
 }
 
 /// A folder `caches` with a run of the scene `push.toml` and a part of it.
-fn caches(desk: &Desk) {
-    desk.write("push.toml", PUSH);
-    desk.json("run push.toml --start mesh -o run.safetensors");
-    std::fs::create_dir(desk.path("caches")).unwrap();
-    desk.json("export run.safetensors -o caches/one.usdc");
-    desk.json("export run.safetensors -o caches/two.usdc --frames 5..");
+fn caches(dir: &TestFolder) {
+    dir.write("push.toml", PUSH);
+    dir.json("run push.toml --start mesh -o run.safetensors");
+    std::fs::create_dir(dir.path("caches")).unwrap();
+    dir.json("export run.safetensors -o caches/one.usdc");
+    dir.json("export run.safetensors -o caches/two.usdc --frames 5..");
 }
 
 #[test]
 fn caches_become_a_data_set() {
-    let desk = Desk::new();
-    caches(&desk);
+    let dir = TestFolder::new();
+    caches(&dir);
     let import = "data import caches --frame-rate 60 --handles handle_0";
-    desk.refuses(&format!("2 | {import} -o set | --density"));
+    dir.refuses(&format!("2 | {import} -o set | --density"));
     let parts = |report: &Value| ["/train", "/test"].map(|part| number(report, part));
     let import = format!("{import} --test two");
-    let report = desk.json(&format!("{import} --density 0.2 -o set"));
+    let report = dir.json(&format!("{import} --density 0.2 -o set"));
     assert_eq!(parts(&report), [1.0, 1.0]);
     assert!(number(&report, "/samples") > 0.0);
-    let again = desk.json(&format!("{import} --density 0.2 -o set"));
+    let again = dir.json(&format!("{import} --density 0.2 -o set"));
     assert_eq!(number(&again, "/trajectories_kept"), 2.0);
-    desk.refuses(&format!(
+    dir.refuses(&format!(
         "1 | {import} --density 0.6 -o set | another configuration"
     ));
-    assert_eq!(desk.json("info set")["kind"], "dataset");
-    desk.model();
-    desk.json("eval --model run/model.safetensors --data set");
+    assert_eq!(dir.json("info set")["kind"], "dataset");
+    dir.model();
+    dir.json("eval --model run/model.safetensors --data set");
     // To measure with, a set needs nothing to train on.
-    let report = desk.json(&format!("{import},one --density 0.2 -o all"));
+    let report = dir.json(&format!("{import},one --density 0.2 -o all"));
     assert_eq!(parts(&report), [0.0, 2.0]);
-    desk.json("eval --model run/model.safetensors --data all");
+    dir.json("eval --model run/model.safetensors --data all");
 }
 
 #[test]
 fn the_handles_of_a_cache_can_be_named() {
-    let desk = Desk::with_push();
-    desk.json("run push.toml -o run.safetensors");
-    let held = numbers(&desk.json("info run.safetensors")["handles"]);
+    let dir = TestFolder::with_push();
+    dir.json("run push.toml -o run.safetensors");
+    let held = numbers(&dir.json("info run.safetensors")["handles"]);
     for ending in ["usda", "usdc", "glb", "pc2"] {
-        std::fs::create_dir(desk.path(ending)).unwrap();
-        desk.json(&format!("export run.safetensors -o {ending}/run.{ending}"));
+        std::fs::create_dir(dir.path(ending)).unwrap();
+        dir.json(&format!("export run.safetensors -o {ending}/run.{ending}"));
         // At another rate than that of the file: what turns is not rigid between its frames.
         let import = format!("data import {ending} --density 0.2 --frame-rate 90");
         let named = format!("{import} --handles handle_1,handle_0 -o {ending}-named");
         if ending == "pc2" {
-            desk.refuses(&format!("1 | {named} | run.pc2 | without nodes"));
+            dir.refuses(&format!("1 | {named} | run.pc2 | without nodes"));
             continue;
         }
         // Both corners move alike, so that each node has both; the nearest comes first.
-        let report = desk.json(&named);
+        let report = dir.json(&named);
         let turned: Vec<f64> = held.iter().rev().copied().collect();
         assert_eq!(numbers(&report["handles"]["run"]), turned, "{ending}");
-        let seen = desk.json(&format!("info {ending}/run.{ending}"));
+        let seen = dir.json(&format!("info {ending}/run.{ending}"));
         assert_eq!(seen["meshes"][0]["name"], "sheet", "{ending}");
         assert_eq!(number(&seen, "/meshes/0/points"), 36.0);
         assert_eq!(number(&seen, "/meshes/0/frames"), (PUSH_FRAMES + 1) as f64);
@@ -130,7 +130,7 @@ fn the_handles_of_a_cache_can_be_named() {
         assert!((rate - 60.0).abs() < 1e-2, "{ending}: {rate}");
     }
     let import = "data import usdc --density 0.2 --frame-rate 60 -o new --handles";
-    desk.refuses(&format!(
+    dir.refuses(&format!(
         "2 | {import} 0,left | not both
          2 | {import} 0.5,1 | whole numbers
          1 | {import} 0 --object hem | \"hem\" | sheet",
@@ -144,61 +144,61 @@ fn numbers(list: &Value) -> Vec<f64> {
 
 #[test]
 fn an_import_that_fails_at_once_leaves_nothing_behind() {
-    let desk = Desk::new();
-    caches(&desk);
+    let dir = TestFolder::new();
+    caches(&dir);
     let import = "data import caches --density 0.2 --frame-rate 60 --handles handle_0 -o sets/new";
     // The second of two: what was written before it is kept.
-    desk.write("caches/two.usdc", "no stage");
-    desk.fails(import, 1, &["caches/two.usdc"]);
-    assert!(desk.path("sets/new/train/one.safetensors").is_file());
+    dir.write("caches/two.usdc", "no stage");
+    dir.fails(import, 1, &["caches/two.usdc"]);
+    assert!(dir.path("sets/new/train/one.safetensors").is_file());
     let words = ["not complete", "data generate", "data import"];
-    desk.fails("info sets/new", 1, &words);
-    std::fs::remove_dir_all(desk.path("sets")).unwrap();
-    desk.write("caches/one.usdc", "no stage");
-    desk.fails(import, 1, &["caches/one.usdc"]);
-    assert!(!desk.path("sets").exists());
+    dir.fails("info sets/new", 1, &words);
+    std::fs::remove_dir_all(dir.path("sets")).unwrap();
+    dir.write("caches/one.usdc", "no stage");
+    dir.fails(import, 1, &["caches/one.usdc"]);
+    assert!(!dir.path("sets").exists());
 }
 
 #[test]
 fn frames_beyond_what_cloth_does_are_not_imported() {
-    let desk = Desk::new();
-    caches(&desk);
+    let dir = TestFolder::new();
+    caches(&dir);
     let import = "data import caches --density 0.2 --frame-rate 60 --handles handle_0 --max-strain";
     let words = "trajectory one | from frame | bound of 0.000001 | --max-strain";
-    desk.refuses(&format!("1 | {import} 0.000001 -o small | {words}"));
+    dir.refuses(&format!("1 | {import} 0.000001 -o small | {words}"));
     for bad in ["nan", "0", "-1", "inf", "much"] {
-        desk.refuses(&format!(
+        dir.refuses(&format!(
             "2 | {import} {bad} -o bad | --max-strain | {bad} | above 0"
         ));
     }
-    let taken = desk.json(&format!("{import} 0.2 -o taken"));
+    let taken = dir.json(&format!("{import} 0.2 -o taken"));
     assert!(number(&taken, "/samples") > 0.0);
 }
 
 #[test]
 fn nothing_is_learned_from_a_damaged_data_set() {
-    let desk = Desk::new();
-    desk.to_train();
+    let dir = TestFolder::new();
+    dir.to_train();
     let train = "train moment.toml --data tiny -o run";
     let (file, index) = ("tiny/train/push.safetensors", "tiny/index.json");
-    let good = desk.read(file);
+    let good = dir.read(file);
     let mut altered = good.clone();
     *altered.last_mut().unwrap() ^= 1;
-    desk.write(file, altered);
-    desk.refuses(&format!(
+    dir.write(file, altered);
+    dir.refuses(&format!(
         "1 | info tiny | push.safetensors | has changed
          1 | {train} | push.safetensors | has changed",
     ));
-    desk.write(file, good);
-    let (text, from) = (desk.text(index), "\"vertices\": 36");
+    dir.write(file, good);
+    let (text, from) = (dir.text(index), "\"vertices\": 36");
     assert!(text.contains(from));
-    desk.write(index, text.replace(from, "\"vertices\": 37"));
-    desk.refuses(&format!("1 | {train} | tiny | 91 frames of 37 vertices"));
+    dir.write(index, text.replace(from, "\"vertices\": 37"));
+    dir.refuses(&format!("1 | {train} | tiny | 91 frames of 37 vertices"));
 }
 
 #[test]
 fn a_set_on_several_meshes_has_a_rest_pose_for_each() {
-    let desk = Desk::new();
+    let dir = TestFolder::new();
     let preset = r#"
 name = "two"
 sections = "whole"
@@ -216,9 +216,9 @@ handles = { label = "upper-corners" }
 kind = "blocks"
 blocks = [{ duration = 0.1, translations = [{ direction = [1, 0, 0], pace = { distance = 0.01 } }] }]
 "#;
-    desk.write("two.toml", preset);
-    desk.json("data generate two.toml -o two");
-    let dataset = Dataset::open(&desk.path("two")).unwrap();
+    dir.write("two.toml", preset);
+    dir.json("data generate two.toml -o two");
+    let dataset = Dataset::open(&dir.path("two")).unwrap();
     let entries = dataset.entries(Split::Test);
     assert_eq!([entries[0].vertices, entries[1].vertices], [15, 90]);
     for entry in entries {
@@ -227,6 +227,6 @@ blocks = [{ duration = 0.1, translations = [{ direction = [1, 0, 0], pace = { di
         assert_eq!(trajectory.frame(0), trajectory.cloth().rest_positions());
         assert_eq!(trajectory.frame_count(), 7);
     }
-    desk.write("moment.toml", TRAINING);
-    desk.fails("train moment.toml --data two -o run", 1, &["no samples"]);
+    dir.write("moment.toml", TRAINING);
+    dir.fails("train moment.toml --data two -o run", 1, &["no samples"]);
 }

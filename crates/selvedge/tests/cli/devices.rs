@@ -2,12 +2,12 @@
 //! GPU computes. A driver that calculates on the processor (Debian: mesa-vulkan-drivers) is one too;
 //! where there is neither, these tests say so and show nothing, or fail with `SELVEDGE_ALL_TOOLS`.
 
-use crate::common::{Desk, TRAINING};
+use crate::common::{TRAINING, TestFolder};
 
 #[test]
 fn a_gpu_that_cannot_be_had_is_said_before_anything_is_written() {
-    let desk = Desk::with_push();
-    desk.write("moment.toml", TRAINING);
+    let dir = TestFolder::with_push();
+    dir.write("moment.toml", TRAINING);
     let words: &[&str] = if cfg!(feature = "gpu") {
         &["no GPU was found", "the GPU"]
     } else {
@@ -20,7 +20,7 @@ fn a_gpu_that_cannot_be_had_is_said_before_anything_is_written() {
         "study ten-minutes -o study",
         "view",
     ] {
-        let said = desk.run(&format!("{call} --device gpu"));
+        let said = dir.run(&format!("{call} --device gpu"));
         // Where there is a GPU it works, and there is nothing to say.
         if said.code == Some(0) {
             return;
@@ -29,13 +29,13 @@ fn a_gpu_that_cannot_be_had_is_said_before_anything_is_written() {
         let is_said = words.iter().any(|word| said.err.contains(word));
         assert!(is_said, "{call}: {}", said.err);
     }
-    assert_eq!(desk.names(), ["moment.toml", "push.toml"]);
+    assert_eq!(dir.names(), ["moment.toml", "push.toml"]);
 }
 
 #[test]
 fn a_device_without_a_model_is_refused() {
-    let desk = Desk::with_push();
-    desk.refuses(
+    let dir = TestFolder::with_push();
+    dir.refuses(
         "1 | run push.toml --frames 2 --device gpu | --device | --model
          1 | run push.toml --rest --device gpu | --device | --model",
     );
@@ -61,12 +61,12 @@ fn a_rollout_on_a_gpu_is_that_of_the_processor() {
     if no_gpu() {
         return;
     }
-    let desk = Desk::with_push();
+    let dir = TestFolder::with_push();
     let call = "run push.toml --model paper --frames 20 --guard none --no-clip";
-    desk.json(&format!("{call} -o cpu"));
-    let report = desk.json(&format!("{call} -o gpu --device gpu"));
+    dir.json(&format!("{call} -o cpu"));
+    let report = dir.json(&format!("{call} -o gpu --device gpu"));
     assert_ne!(report["device"], "cpu");
-    let [a, b] = ["cpu", "gpu"].map(|on| desk.trajectory(&format!("{on}/rollout.safetensors")));
+    let [a, b] = ["cpu", "gpu"].map(|on| dir.trajectory(&format!("{on}/rollout.safetensors")));
     for frame in 0..a.frame_count() {
         for (p, q) in a.frame(frame).iter().zip(b.frame(frame)) {
             // Roundings of 1e-7 m that the model feeds back for a third of a second.
@@ -96,19 +96,19 @@ budget = { steps = 4 }
     if no_gpu() {
         return;
     }
-    let desk = Desk::new();
-    desk.write("moment.toml", TRAINING);
-    desk.write("study.toml", STUDY);
+    let dir = TestFolder::new();
+    dir.write("moment.toml", TRAINING);
+    dir.write("study.toml", STUDY);
     let study = "study study.toml -o s";
     let kept = |file: &str| -> Value {
-        let bytes = desk.read(&format!("s/{file}"));
+        let bytes = dir.read(&format!("s/{file}"));
         serde_json::from_slice(&bytes).unwrap()
     };
     let ran_on = |file: &str, pointer: &str| {
         let found = kept(file).pointer(pointer).cloned();
         found.unwrap().as_str().unwrap().to_owned()
     };
-    desk.json(&format!("{study} --device gpu"));
+    dir.json(&format!("{study} --device gpu"));
     let [record, rigid, moment] = [
         "trainings/moment/record.json",
         "evaluations/rigid.json",
@@ -118,21 +118,21 @@ budget = { steps = 4 }
     assert_ne!(ran_on(moment, "/of/device"), "cpu");
     assert_eq!(ran_on(rigid, "/of/device"), "cpu");
     let before = [kept(record), kept(rigid)];
-    desk.json(study);
+    dir.json(study);
     assert_eq!(before, [kept(record), kept(rigid)]);
     assert_eq!(ran_on(moment, "/of/device"), "cpu");
     // Records from before there were devices say none.
     let mut old = kept(record);
     old.as_object_mut().unwrap().remove("device");
-    desk.write(&format!("s/{record}"), old.to_string());
-    desk.json(study);
+    dir.write(&format!("s/{record}"), old.to_string());
+    dir.json(study);
     // Time is another thing on another device.
-    desk.write("study.toml", STUDY.replace("steps = 4", "time = \"1s\""));
-    desk.json("study study.toml -o t");
+    dir.write("study.toml", STUDY.replace("steps = 4", "time = \"1s\""));
+    dir.json("study study.toml -o t");
     let words = [
         "budget in time",
         "begun on \"cpu\"",
         "take the device that it was begun with",
     ];
-    desk.fails("study study.toml -o t --device gpu", 1, &words);
+    dir.fails("study study.toml -o t --device gpu", 1, &words);
 }

@@ -1,17 +1,17 @@
 //! `eval`: methods side by side on data sets, on scenes against their converged physics, and in
 //! random motions; the same numbers for any number of threads; reports.
 
-use crate::common::{Desk, PUSH, TRAINING, column, names_in, number, rows};
+use crate::common::{PUSH, TRAINING, TestFolder, column, names_in, number, rows};
 use serde_json::Value;
 
-/// A desk with the data set `tiny` and two models that have barely learned.
-fn two_models() -> Desk {
-    let desk = Desk::new();
-    desk.model();
+/// A folder with the data set `tiny` and two models that have barely learned.
+fn two_models() -> TestFolder {
+    let dir = TestFolder::new();
+    dir.model();
     let other = TRAINING.replace("seed = 1", "seed = 2");
-    desk.write("other.toml", other);
-    desk.json("train other.toml --data tiny -o other");
-    desk
+    dir.write("other.toml", other);
+    dir.json("train other.toml --data tiny -o other");
+    dir
 }
 
 const MODELS: &str = "--model run/model.safetensors --model theirs=other/model.safetensors";
@@ -24,8 +24,8 @@ fn runs(answer: &Value) -> [Vec<&Value>; 2] {
 
 #[test]
 fn two_models_stand_side_by_side_as_each_stands_alone() {
-    let desk = two_models();
-    let both = desk.json(&format!("eval {MODELS} --data tiny --horizons 5,1,5 -o r"));
+    let dir = two_models();
+    let both = dir.json(&format!("eval {MODELS} --data tiny --horizons 5,1,5 -o r"));
     let files = [
         "after.svg",
         "errors.csv",
@@ -36,13 +36,13 @@ fn two_models_stand_side_by_side_as_each_stands_alone() {
         "times.md",
         "times.svg",
     ];
-    assert_eq!(names_in(&desk.path("r")), files);
+    assert_eq!(names_in(&dir.path("r")), files);
     let [started, whole] = runs(&both);
     let names = column(whole.iter().copied(), "method");
     assert_eq!(names, ["run", "theirs", "rigid"]);
     // Eight starts of each.
     assert_eq!(started.len(), 3 * 8);
-    let alone = desk.json("eval --model theirs=other/model.safetensors --data tiny --horizons 1,5");
+    let alone = dir.json("eval --model theirs=other/model.safetensors --data tiny --horizons 1,5");
     assert_eq!(*whole[1], *runs(&alone)[1][0]);
     let mean = &both["means"][0];
     let frames = |k: usize| number(mean, &format!("/after/{k}/frame"));
@@ -56,8 +56,8 @@ fn two_models_stand_side_by_side_as_each_stands_alone() {
 
 #[test]
 fn the_physics_runs_beside_the_models_with_the_substeps_asked_for() {
-    let desk = two_models();
-    let answer = desk.json(
+    let dir = two_models();
+    let answer = dir.json(
         "eval --model run/model.safetensors --data tiny --horizons 1 --baselines none --physics 2,1,2 -o r",
     );
     let [_, whole] = runs(&answer);
@@ -71,18 +71,18 @@ fn the_physics_runs_beside_the_models_with_the_substeps_asked_for() {
     let (own, coarse) = (error("physics, 2 substeps"), error("physics, 1 substep"));
     assert!(coarse > 1e-4, "{coarse}");
     assert!(own < 1e-2 * coarse, "{own} {coarse}");
-    let times = desk.text("r/times.md");
+    let times = dir.text("r/times.md");
     assert!(times.contains("](times.svg)"), "{times}");
-    let plot = desk.text("r/times.svg");
+    let plot = dir.text("r/times.svg");
     assert!(plot.contains("time of a frame (ms)") && plot.contains("physics"));
 }
 
 #[test]
 fn guards_stand_side_by_side() {
-    let desk = Desk::new();
-    desk.model();
+    let dir = TestFolder::new();
+    dir.model();
     let call = "eval --model run/model.safetensors --data tiny --horizons 1";
-    let answer = desk.json(&format!("{call} --guard none,limit,limit"));
+    let answer = dir.json(&format!("{call} --guard none,limit,limit"));
     let [_, whole] = runs(&answer);
     let names = column(whole.iter().copied(), "method");
     assert_eq!(names, ["run (none)", "run (limit)", "rigid"]);
@@ -94,7 +94,7 @@ fn guards_stand_side_by_side() {
     assert_eq!(answer["means"][1]["diverged"], 0);
     assert_eq!(answer["means"][1]["guarded"], whole[1]["guarded"]);
     // Limit is what nobody asks for.
-    let usual = desk.json(call);
+    let usual = dir.json(call);
     assert_eq!(runs(&usual)[1][0]["whole"], whole[1]["whole"]);
     assert_eq!(usual["guards"][0], "limit");
 }
@@ -105,11 +105,11 @@ const SCENE: &str = "eval scene.toml -o c --physics linearised:1,linearised:2,li
 
 #[test]
 fn scenes_are_measured_against_their_converged_physics() {
-    let desk = Desk::new();
-    desk.write("scene.toml", PUSH);
-    let answer = desk.json(SCENE);
+    let dir = TestFolder::new();
+    dir.write("scene.toml", PUSH);
+    let answer = dir.json(SCENE);
     assert_eq!(answer["means"][3]["kind"], "reference");
-    let page = desk.text("c/report.md");
+    let page = dir.text("c/report.md");
     for text in [
         "The truth is a run by linearised, 32 substeps.",
         "| position RMSE (mm) | k = 1 | k = 5 | whole runs |",
@@ -120,18 +120,18 @@ fn scenes_are_measured_against_their_converged_physics() {
         assert!(page.contains(text), "{text}\n{page}");
     }
     // Again, with fewer: the reference is kept, and what was measured is the same.
-    let reference = names_in(&desk.path("c/references"));
+    let reference = names_in(&dir.path("c/references"));
     assert_eq!(reference.len(), 1);
-    let others = desk.json(&SCENE.replace("linearised:1,", ""));
+    let others = dir.json(&SCENE.replace("linearised:1,", ""));
     assert_eq!(others["means"][0]["after"], answer["means"][1]["after"]);
-    assert_eq!(reference, names_in(&desk.path("c/references")));
+    assert_eq!(reference, names_in(&dir.path("c/references")));
 }
 
 #[test]
 fn materials_and_motions_take_the_place_of_the_scenes_own() {
-    let desk = Desk::new();
-    desk.write("scene.toml", PUSH);
-    let answer = desk.json(
+    let dir = TestFolder::new();
+    dir.write("scene.toml", PUSH);
+    let answer = dir.json(
         "eval scene.toml -o c --material gray-interlock,11oz-black-denim --motion forward \
          --physics 1 --reference 4 --horizons 1 --starts 1 --no-whole --to 64",
     );
@@ -148,24 +148,24 @@ fn materials_and_motions_take_the_place_of_the_scenes_own() {
 
 #[test]
 fn random_motions_are_the_same_for_any_number_of_threads() {
-    let desk = Desk::with_push();
-    desk.model();
+    let dir = TestFolder::with_push();
+    dir.model();
     let drive = "eval push.toml --model run/model.safetensors --random 5 --frames 40";
-    let one = desk.json(&format!("{drive} -j 1"));
-    assert_eq!(one["runs"], desk.json(&format!("{drive} -j 3"))["runs"]);
+    let one = dir.json(&format!("{drive} -j 1"));
+    assert_eq!(one["runs"], dir.json(&format!("{drive} -j 3"))["runs"]);
     let mean = &one["means"][0];
     assert_eq!(mean["whole_runs"], 5);
     assert_eq!(mean["diverged"], 0);
     assert_eq!(number(mean, "/guarded/frames"), 200.0);
     assert!(number(mean, "/whole/largest_strain") < 0.2815);
     assert_eq!(mean["whole"]["errors"], Value::Null);
-    assert_ne!(one["runs"], desk.json(&format!("{drive} --seed 2"))["runs"]);
+    assert_ne!(one["runs"], dir.json(&format!("{drive} --seed 2"))["runs"]);
 }
 
 #[test]
 fn random_motions_take_cloths_in_turn_and_physics_too() {
-    let desk = Desk::with_push();
-    let answer = desk.json(
+    let dir = TestFolder::with_push();
+    let answer = dir.json(
         "eval push.toml --random 4 --frames 60 --mesh wide,triangle --density 40 --physics 1,4 -o r",
     );
     let sets = column(rows(&answer, "runs"), "set");
@@ -173,7 +173,7 @@ fn random_motions_take_cloths_in_turn_and_physics_too() {
     assert_eq!(answer["means"][0]["method"], "physics, 1 substep");
     let strain = |k: usize| number(&answer, &format!("/means/{k}/whole/largest_strain"));
     assert_ne!(strain(0), strain(1));
-    let text = desk.text("r/errors.csv");
+    let text = dir.text("r/errors.csv");
     assert_eq!(text.lines().count(), 1 + 4 * 2 * 60);
 }
 
@@ -182,26 +182,26 @@ fn random_motions_take_cloths_in_turn_and_physics_too() {
 fn an_interrupted_evaluation_leaves_whole_files() {
     use crate::common::Running;
 
-    let desk = Desk::new();
-    desk.write("scene.toml", PUSH);
+    let dir = TestFolder::new();
+    dir.write("scene.toml", PUSH);
     let call = SCENE.replace("linearised:32", "linearised:1000");
     for words in ["sagging to rest: begun", Running::HAS_RESULTS] {
-        let mut evaluation = desk.start(&call);
+        let mut evaluation = dir.start(&call);
         evaluation.wait_for(words);
         evaluation.press();
         let said = evaluation.ended();
         assert_eq!(said.code, Some(130), "{words}: {}", said.err);
     }
     // What is there is whole: the same call goes on from it.
-    assert_eq!(desk.json(&call)["interrupted"], false);
+    assert_eq!(dir.json(&call)["interrupted"], false);
 }
 
 #[test]
 fn data_sets_that_are_called_alike_are_told_apart_by_their_folders() {
-    let desk = Desk::new();
-    desk.model();
-    desk.json("data generate tiny -o a/tiny");
-    let answer = desk.json(
+    let dir = TestFolder::new();
+    dir.model();
+    dir.json("data generate tiny -o a/tiny");
+    let answer = dir.json(
         "eval --model run/model.safetensors --data a/tiny --data tiny --horizons 1 --baselines rigid",
     );
     let mut names = column(rows(&answer, "runs"), "set");
@@ -211,17 +211,17 @@ fn data_sets_that_are_called_alike_are_told_apart_by_their_folders() {
 
 #[test]
 fn calls_that_make_no_sense_are_refused() {
-    let desk = two_models();
-    desk.write("push.toml", PUSH);
+    let dir = two_models();
+    dir.write("push.toml", PUSH);
     let groups = r#"handles = { groups = [
         { name = "left", select = { vertices = [0] } },
         { name = "right", select = { vertices = [5] }, released = [{ from = 0.2 }] },
     ] }"#;
     let drop = PUSH.replace("handles = { label = \"upper-corners\" }", groups);
-    desk.write("drop.toml", drop);
+    dir.write("drop.toml", drop);
     let run = "eval --data tiny --model run/model.safetensors";
     let twice = "--model a=run/model.safetensors --model a=other/model.safetensors";
-    desk.refuses(&format!(
+    dir.refuses(&format!(
         "2 | {run} {twice} | two are called a | name
          2 | eval --model rigid=run/model.safetensors --data tiny | rigid
          2 | {run} --horizons 1,61 | 61 frames fit into no case | the longest has 60

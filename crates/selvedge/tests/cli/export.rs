@@ -2,16 +2,16 @@
 //! comes back, a motion goes to another program's format and back again, and bad calls leave
 //! nothing.
 
-use crate::common::{Desk, PUSH, PUSH_FRAMES, names_in, number};
+use crate::common::{PUSH, PUSH_FRAMES, TestFolder, names_in, number};
 use selvedge_data::Trajectory;
 use serde_json::json;
 
-/// A desk with a simulated [`PUSH`] in `run.safetensors`.
-fn pushed() -> (Desk, Trajectory) {
-    let desk = Desk::with_push();
-    desk.json("run push.toml -o run.safetensors");
-    let run = desk.trajectory("run.safetensors");
-    (desk, run)
+/// A folder with a simulated [`PUSH`] in `run.safetensors`.
+fn pushed() -> (TestFolder, Trajectory) {
+    let dir = TestFolder::with_push();
+    dir.json("run push.toml -o run.safetensors");
+    let run = dir.trajectory("run.safetensors");
+    (dir, run)
 }
 
 /// [`PUSH`] with another motion.
@@ -22,7 +22,7 @@ fn with_motion(motion: &str) -> String {
 
 #[test]
 fn a_run_goes_to_other_programs_and_its_handles_come_back() {
-    let (desk, run) = pushed();
+    let (dir, run) = pushed();
     for (to, motion) in [
         ("cloth.npz", r#"{ recorded = "cloth.npz" }"#),
         ("turned.npz --up z", r#"{ recorded = "turned.npz" }"#),
@@ -34,11 +34,11 @@ fn a_run_goes_to_other_programs_and_its_handles_come_back() {
             r#"{ rig = { file = "cloth.glb", nodes = ["handle_0", "handle_1"] } }"#,
         ),
     ] {
-        let said = desk.json(&format!("export run.safetensors -o {to}"));
+        let said = dir.json(&format!("export run.safetensors -o {to}"));
         assert_eq!(number(&said, "/frames"), (PUSH_FRAMES + 1) as f64);
-        desk.write("again.toml", with_motion(motion));
-        desk.json("run again.toml -o again.safetensors");
-        let again = desk.trajectory("again.safetensors");
+        dir.write("again.toml", with_motion(motion));
+        dir.json("run again.toml -o again.safetensors");
+        let again = dir.trajectory("again.safetensors");
         assert_eq!(again.frame_count(), run.frame_count(), "{to}");
         for frame in 0..run.frame_count() {
             for vertex in run.handles().vertices() {
@@ -52,21 +52,21 @@ fn a_run_goes_to_other_programs_and_its_handles_come_back() {
         let apart = pairs.map(|(a, b)| a.distance(*b));
         assert!(apart.fold(0.0, f32::max) < 1e-3, "{to}");
     }
-    let said = desk.json("info cloth.glb");
+    let said = dir.json("info cloth.glb");
     assert_eq!(said["nodes"][1]["name"], "handle_0");
     assert_eq!(number(&said, "/nodes/1/moves/1"), 0.5);
-    assert_eq!(desk.json("info cloth.npz")["vertices"], 36);
+    assert_eq!(dir.json("info cloth.npz")["vertices"], 36);
 }
 
 #[test]
 fn an_artists_rig_drives_groups_of_handles() {
-    let desk = Desk::new();
+    let dir = TestFolder::new();
     let label = r#"handles = { label = "upper-corners" }"#;
     let groups = "\n[[handles.groups]]\nname = \"left\"\nselect = { vertices = [0] }\n[[handles.groups]]\nname = \"right\"\nselect = { vertices = [5] }\n";
     let scene = with_motion(r#"{ rig = { file = "hands.usda" } }"#).replace(label, "");
-    desk.write("scene.toml", format!("{scene}{groups}"));
+    dir.write("scene.toml", format!("{scene}{groups}"));
     // In a world of centimetres with z up: the right hand rises by 30 cm in half a second.
-    desk.write(
+    dir.write(
         "hands.usda",
         r#"#usda 1.0
 (
@@ -87,8 +87,8 @@ def Xform "hands"
 }
 "#,
     );
-    desk.json("run scene.toml -o run.safetensors");
-    let run = desk.trajectory("run.safetensors");
+    dir.json("run scene.toml -o run.safetensors");
+    let run = dir.trajectory("run.safetensors");
     assert_eq!(run.frame_count(), 31);
     for frame in 0..31 {
         let [left, right] = [0, 5].map(|vertex| run.frame(frame)[vertex] - run.frame(0)[vertex]);
@@ -97,125 +97,125 @@ def Xform "hands"
         let rise = 0.3 * frame as f32 / 30.0 * glam::Vec3::Y;
         assert!(right.distance(rise) < 1e-6, "{right}");
     }
-    desk.write("hands.usda", "#usda 1.0\ndef Xform \"left\" { }\n");
+    dir.write("hands.usda", "#usda 1.0\ndef Xform \"left\" { }\n");
     let words = "scene.toml | motion.rig | hands.usda | \"right\" | [left]";
-    desk.refuses(&format!("1 | run scene.toml -o x.safetensors | {words}"));
+    dir.refuses(&format!("1 | run scene.toml -o x.safetensors | {words}"));
 }
 
 #[test]
 fn simulate_and_rollout_export_as_they_go() {
-    let desk = Desk::with_push();
+    let dir = TestFolder::with_push();
     let said =
-        desk.json("run push.toml -o run.safetensors --frames 4 --export a.glb --export a.pc2");
+        dir.json("run push.toml -o run.safetensors --frames 4 --export a.glb --export a.pc2");
     assert_eq!(said["exported"], json!(["a.glb", "a.pc2", "a.obj"]));
     let names = ["a.glb", "a.obj", "a.pc2", "push.toml", "run.safetensors"];
-    assert_eq!(desk.names(), names);
-    desk.json("export run.safetensors -o b.pc2");
-    assert_eq!(desk.read("a.pc2"), desk.read("b.pc2"));
-    assert_eq!(desk.read("a.pc2").len(), 32 + 12 * 36 * 5);
+    assert_eq!(dir.names(), names);
+    dir.json("export run.safetensors -o b.pc2");
+    assert_eq!(dir.read("a.pc2"), dir.read("b.pc2"));
+    assert_eq!(dir.read("a.pc2").len(), 32 + 12 * 36 * 5);
 }
 
 /// As Windows and cameras write them: every reader and writer takes them.
 #[test]
 fn endings_may_be_capitals() {
-    let (desk, run) = pushed();
+    let (dir, run) = pushed();
     for name in [
         "A.GLB", "B.USDA", "C.USDZ", "D.NPZ", "E.ABC", "F.GIF", "G.PC2",
     ] {
-        desk.json(&format!("export run.safetensors -o {name} --frames ..4"));
+        dir.json(&format!("export run.safetensors -o {name} --frames ..4"));
     }
-    desk.json("export run.safetensors -o H.OBJ --frames 0");
+    dir.json("export run.safetensors -o H.OBJ --frames 0");
     for name in ["A.GLB", "B.USDA", "C.USDZ", "D.NPZ", "H.OBJ"] {
-        desk.json(&format!("info {name}"));
+        dir.json(&format!("info {name}"));
     }
-    desk.json("export run.safetensors -o whole.NPZ");
+    dir.json("export run.safetensors -o whole.NPZ");
     let motions = [
         "{ rig = { file = \"B.USDA\" } }",
         "{ rig = { file = \"A.GLB\", nodes = [\"handle_0\", \"handle_1\"] } }",
         "{ recorded = \"whole.NPZ\" }",
     ];
     for motion in motions {
-        desk.write("again.toml", with_motion(motion));
-        desk.json("run again.toml -o AGAIN.SAFETENSORS --frames 4");
-        let again = desk.trajectory("AGAIN.SAFETENSORS");
+        dir.write("again.toml", with_motion(motion));
+        dir.json("run again.toml -o AGAIN.SAFETENSORS --frames 4");
+        let again = dir.trajectory("AGAIN.SAFETENSORS");
         assert!(
             again.frame(4)[0].distance(run.frame(4)[0]) < 1e-4,
             "{motion}"
         );
     }
-    std::fs::create_dir(desk.path("caches")).unwrap();
+    std::fs::create_dir(dir.path("caches")).unwrap();
     for name in ["G.PC2", "G.obj"] {
-        std::fs::rename(desk.path(name), desk.path("caches").join(name)).unwrap();
+        std::fs::rename(dir.path(name), dir.path("caches").join(name)).unwrap();
     }
-    std::fs::rename(desk.path("caches/G.obj"), desk.path("caches/G.OBJ")).unwrap();
-    desk.json("data import caches -o imported --frame-rate 60 --density 0.2 --handles 0,1");
+    std::fs::rename(dir.path("caches/G.obj"), dir.path("caches/G.OBJ")).unwrap();
+    dir.json("data import caches -o imported --frame-rate 60 --density 0.2 --handles 0,1");
 }
 
 #[test]
 fn nothing_is_overwritten_that_was_not_named() {
-    let (desk, _) = pushed();
-    desk.write("shirt.obj", "mine");
-    std::fs::create_dir(desk.path("films")).unwrap();
-    desk.write("films/clip.gif", "mine");
-    desk.refuses(
+    let (dir, _) = pushed();
+    dir.write("shirt.obj", "mine");
+    std::fs::create_dir(dir.path("films")).unwrap();
+    dir.write("films/clip.gif", "mine");
+    dir.refuses(
         "1 | export run.safetensors -o shirt.pc2 | shirt.obj | move it away
          1 | run push.toml -o x.safetensors --export shirt.pc2 | shirt.obj | move it away
          1 | run push.toml --model paper --frames 2 -o films | films/clip.gif | move it away
          2 | export --normals run.safetensors -o a.glb | run.safetensors | yes, no",
     );
     // A default name is ours: an earlier run is replaced, and that is said before.
-    let said = |call: &str| desk.run(call).err.contains("run.safetensors is replaced");
+    let said = |call: &str| dir.run(call).err.contains("run.safetensors is replaced");
     assert!(said("run push.toml --frames 2"));
     assert!(!said("run push.toml --frames 2 -o run.safetensors"));
-    std::fs::remove_file(desk.path("run.safetensors")).unwrap();
+    std::fs::remove_file(dir.path("run.safetensors")).unwrap();
     assert!(!said("run push.toml --frames 2"));
 }
 
 #[test]
 fn pictures_are_one_per_frame() {
-    let (desk, _) = pushed();
-    desk.json("export run.safetensors -o pictures --format png --frames 0..20 --every 10");
+    let (dir, _) = pushed();
+    dir.json("export run.safetensors -o pictures --format png --frames 0..20 --every 10");
     let names = ["cloth_0000.png", "cloth_0001.png", "cloth_0002.png"];
-    assert_eq!(names_in(&desk.path("pictures")), names);
-    desk.json("export run.safetensors -o one.png --frames 20");
-    for picture in [desk.read("one.png"), desk.read("pictures/cloth_0002.png")] {
+    assert_eq!(names_in(&dir.path("pictures")), names);
+    dir.json("export run.safetensors -o one.png --frames 20");
+    for picture in [dir.read("one.png"), dir.read("pictures/cloth_0002.png")] {
         assert_eq!(&picture[1..4], b"PNG");
         // Width and height stand in the first chunk.
         assert_eq!(picture[16..24], [0, 0, 3, 192, 0, 0, 2, 208]);
     }
-    desk.json("export run.safetensors -o clip.gif --frames ..20");
-    assert_eq!(&desk.read("clip.gif")[..6], b"GIF89a");
+    dir.json("export run.safetensors -o clip.gif --frames ..20");
+    assert_eq!(&dir.read("clip.gif")[..6], b"GIF89a");
 }
 
 #[test]
 fn a_format_that_is_named_takes_any_other_ending_for_a_folder() {
-    let (desk, _) = pushed();
-    desk.json("export run.safetensors -o frames.v2 --format obj --frames ..1");
+    let (dir, _) = pushed();
+    dir.json("export run.safetensors -o frames.v2 --format obj --frames ..1");
     let names = ["cloth_0000.obj", "cloth_0001.obj"];
-    assert_eq!(names_in(&desk.path("frames.v2")), names);
-    desk.json("export run.safetensors -o one.obj --format obj --frames 1");
-    assert!(desk.path("one.obj").is_file());
+    assert_eq!(names_in(&dir.path("frames.v2")), names);
+    dir.json("export run.safetensors -o one.obj --format obj --frames 1");
+    assert!(dir.path("one.obj").is_file());
 }
 
 #[test]
 fn a_rollout_exports_into_the_folder_that_it_makes() {
-    let desk = Desk::with_push();
-    desk.json(
+    let dir = TestFolder::with_push();
+    dir.json(
         "run --model paper push.toml --frames 2 --no-clip --export out/a.glb --trust out/t.csv",
     );
     let names = ["a.glb", "rollout.safetensors", "sheet.png", "t.csv"];
-    assert_eq!(names_in(&desk.path("out")), names);
+    assert_eq!(names_in(&dir.path("out")), names);
 }
 
 #[test]
 fn bad_calls_are_told_and_leave_nothing() {
-    let (desk, _) = pushed();
-    std::fs::create_dir(desk.path("full")).unwrap();
-    desk.write("full/mine.txt", "mine");
+    let (dir, _) = pushed();
+    std::fs::create_dir(dir.path("full")).unwrap();
+    dir.write("full/mine.txt", "mine");
     let export = "export run.safetensors -o";
     let wish = "run push.toml -o x.safetensors --export";
     let rollout = "run --model paper --compare push.toml -o deep/other --export";
-    desk.refuses(&format!(
+    dir.refuses(&format!(
         "2 | {export} cloth.fbx | cloth.fbx | .usda | .glb
          2 | {export} cloth | --format
          2 | {export} cloth.obj | one frame | 31 | --frames
@@ -246,48 +246,48 @@ fn bad_calls_are_told_and_leave_nothing() {
 
 #[test]
 fn without_ffmpeg_a_film_is_refused_in_a_clear_word() {
-    let (desk, _) = pushed();
-    let mut command = desk.command("export run.safetensors -o film.mp4");
-    let output = command.env("PATH", desk.path("nothing")).output().unwrap();
+    let (dir, _) = pushed();
+    let mut command = dir.command("export run.safetensors -o film.mp4");
+    let output = command.env("PATH", dir.path("nothing")).output().unwrap();
     let said = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(1));
     assert!(said.contains("ffmpeg") && said.contains(".gif"), "{said}");
-    assert!(!desk.path("film.mp4").exists());
+    assert!(!dir.path("film.mp4").exists());
 }
 
 /// Puts a script in the place of ffmpeg.
 #[cfg(unix)]
-fn put_ffmpeg(desk: &Desk, script: &str) {
+fn put_ffmpeg(dir: &TestFolder, script: &str) {
     use std::os::unix::fs::PermissionsExt;
-    std::fs::create_dir(desk.path("bin")).unwrap();
-    desk.write("bin/ffmpeg", script);
+    std::fs::create_dir(dir.path("bin")).unwrap();
+    dir.write("bin/ffmpeg", script);
     let executable = std::fs::Permissions::from_mode(0o755);
-    std::fs::set_permissions(desk.path("bin/ffmpeg"), executable).unwrap();
+    std::fs::set_permissions(dir.path("bin/ffmpeg"), executable).unwrap();
 }
 
 #[cfg(unix)]
 #[test]
 fn a_film_is_what_ffmpeg_makes_of_every_pixel() {
-    let (desk, _) = pushed();
+    let (dir, _) = pushed();
     // In the place of ffmpeg: keeps what it is given, at the path that it is told.
     let script = "#!/bin/sh\n[ \"$1\" = -version ] && exit 0\nfor last; do :; done\nexec /bin/cat > \"$last\"\n";
-    put_ffmpeg(&desk, script);
+    put_ffmpeg(&dir, script);
     let run = |call: &str| {
-        let mut command = desk.command(call);
-        command.env("PATH", desk.path("bin")).output().unwrap()
+        let mut command = dir.command(call);
+        command.env("PATH", dir.path("bin")).output().unwrap()
     };
     let call = "export run.safetensors -o film.mp4 --frames 0..3";
     assert!(run(call).status.success());
-    assert_eq!(desk.read("film.mp4").len(), 4 * 960 * 720 * 3);
+    assert_eq!(dir.read("film.mp4").len(), 4 * 960 * 720 * 3);
     let broken = script.replace("exec", "echo no such codec >&2; exit 3 #");
-    desk.write("bin/ffmpeg", broken);
+    dir.write("bin/ffmpeg", broken);
     let output = run(&call.replace("film", "other"));
     let said = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(1));
     assert!(said.contains("ffmpeg"), "{said}");
-    assert!(!desk.path("other.mp4").exists());
+    assert!(!dir.path("other.mp4").exists());
     let names = ["bin", "film.mp4", "push.toml", "run.safetensors"];
-    assert_eq!(desk.names(), names);
+    assert_eq!(dir.names(), names);
 }
 
 #[cfg(unix)]
@@ -297,15 +297,15 @@ fn a_film_that_is_interrupted_is_no_failure_of_ffmpeg() {
 
     use serde_json::Value;
 
-    let (desk, _) = pushed();
+    let (dir, _) = pushed();
     // Presses Ctrl-C before it takes the first picture, as a terminal does: for the whole group.
     let script = "#!/bin/sh\n[ \"$1\" = -version ] && exit 0\nfor last; do :; done\n\
         kill -INT -$PPID\nexec /bin/cat > \"$last\"\n";
-    put_ffmpeg(&desk, script);
+    put_ffmpeg(&dir, script);
     let interrupted = |call: &str| -> Value {
-        let mut command = desk.command(&format!("{call} --json"));
+        let mut command = dir.command(&format!("{call} --json"));
         // A group of its own, lest the tests be interrupted too.
-        command.env("PATH", desk.path("bin")).process_group(0);
+        command.env("PATH", dir.path("bin")).process_group(0);
         let output = command.output().unwrap();
         let said = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(130), "{said}");
@@ -319,17 +319,17 @@ fn a_film_that_is_interrupted_is_no_failure_of_ffmpeg() {
     let report = interrupted("run push.toml -o again.safetensors --export film.mp4");
     assert_eq!(report["exported"].as_array().map(Vec::len), Some(0));
     let names = ["again.safetensors", "bin", "push.toml", "run.safetensors"];
-    assert_eq!(desk.names(), names);
+    assert_eq!(dir.names(), names);
 }
 
 #[test]
 fn every_file_can_be_looked_at() {
-    let desk = Desk::with_push();
-    desk.json(
+    let dir = TestFolder::with_push();
+    dir.json(
         "run push.toml -o run.safetensors --frames 6 --states states.safetensors --export run.npz",
     );
-    desk.json("run --rest push.toml -o rest.obj");
-    desk.model();
+    dir.json("run --rest push.toml -o rest.obj");
+    dir.model();
     for (file, kind, picture) in [
         ("run.safetensors", "trajectory", "a.png"),
         ("run.npz", "trajectory", "b.png"),
@@ -337,7 +337,7 @@ fn every_file_can_be_looked_at() {
         ("push.toml", "scene", "d.png"),
         ("run", "training-folder", "f.svg"),
     ] {
-        let said = desk.json(&format!("info {file} --picture {picture}"));
+        let said = dir.json(&format!("info {file} --picture {picture}"));
         assert_eq!(said["picture"], picture);
         assert_eq!(said["kind"], kind);
         // Euler: V - E + F = 1 for a sheet without holes.
@@ -349,7 +349,7 @@ fn every_file_can_be_looked_at() {
         } else {
             b"\x89PNG"
         };
-        assert!(desk.read(picture).starts_with(start), "{file}");
+        assert!(dir.read(picture).starts_with(start), "{file}");
     }
     for (file, kind) in [
         ("run/checkpoint.safetensors", "checkpoint"),
@@ -357,9 +357,9 @@ fn every_file_can_be_looked_at() {
         ("run/model.safetensors", "model"),
         ("tiny", "dataset"),
     ] {
-        assert_eq!(desk.json(&format!("info {file}"))["kind"], kind);
+        assert_eq!(dir.json(&format!("info {file}"))["kind"], kind);
     }
-    desk.refuses(
+    dir.refuses(
         "2 | info run.safetensors --picture x.svg | x.svg | .png
          2 | info run --picture x.png | x.png | .svg
          1 | info states.safetensors --picture x.svg | states | training

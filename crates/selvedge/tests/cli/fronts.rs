@@ -15,7 +15,7 @@ use selvedge_c::steppers::{
     selvedge_stepper_physics,
 };
 
-use crate::common::Desk;
+use crate::common::TestFolder;
 
 /// Scenes of `tests/fronts`, and who moves them.
 const RUNS: [(&str, Option<&str>); 8] = [
@@ -31,19 +31,19 @@ const RUNS: [(&str, Option<&str>); 8] = [
 const FRAMES: usize = 36;
 
 fn of_program(scene: &str, model: Option<&str>) -> Vec<f32> {
-    let desk = Desk::new();
+    let dir = TestFolder::new();
     let file = match model {
         None => {
-            desk.json(&format!("run {scene} --frames {FRAMES} -o run.safetensors"));
+            dir.json(&format!("run {scene} --frames {FRAMES} -o run.safetensors"));
             "run.safetensors"
         }
         Some(model) => {
             let by = format!("--model {model} --frames {FRAMES} --no-clip");
-            desk.json(&format!("run {scene} {by} -o run"));
+            dir.json(&format!("run {scene} {by} -o run"));
             "run/rollout.safetensors"
         }
     };
-    let run = desk.trajectory(file);
+    let run = dir.trajectory(file);
     run.positions().iter().flat_map(|p| p.to_array()).collect()
 }
 

@@ -1,6 +1,6 @@
 //! Guarded models from the command line: `run --guard --trust`.
 
-use crate::common::{Desk, PUSH, PUSH_FRAMES, number};
+use crate::common::{PUSH, PUSH_FRAMES, TestFolder, number};
 use selvedge_data::{Trajectory, metrics};
 use serde_json::Value;
 
@@ -20,14 +20,14 @@ fn column(text: &str, name: &str) -> Vec<String> {
 
 #[test]
 fn a_rollout_says_how_far_each_frame_can_be_trusted() {
-    let desk = Desk::with_push();
-    desk.model();
+    let dir = TestFolder::with_push();
+    dir.model();
     let model = "--model run/model.safetensors --no-clip";
     for guard in ["none", "limit"] {
         let call = format!("run push.toml {model} -o {guard} --guard {guard} --trust {guard}.csv");
-        let report = desk.json(&call);
-        let run = desk.trajectory(&format!("{guard}/rollout.safetensors"));
-        let text = desk.text(&format!("{guard}.csv"));
+        let report = dir.json(&call);
+        let run = dir.trajectory(&format!("{guard}/rollout.safetensors"));
+        let text = dir.text(&format!("{guard}.csv"));
         let told = column(&text, "largest_strain");
         assert_eq!(told.len(), PUSH_FRAMES);
         // The same number by two routes, both in f64 from f32 positions; material coordinates
@@ -60,20 +60,20 @@ fn a_rollout_says_how_far_each_frame_can_be_trusted() {
         }
     }
     let wrong = "run --model paper --compare push.toml --trust trust.txt -o other";
-    desk.refuses(&format!("2 | {wrong} | --trust | csv"));
+    dir.refuses(&format!("2 | {wrong} | --trust | csv"));
 }
 
 #[test]
 fn the_shipped_model_needs_no_guard_where_it_was_trained() {
-    let desk = Desk::new();
+    let dir = TestFolder::new();
     let mut bytes = Vec::new();
     for guard in ["none", "limit"] {
-        let report = desk.json(&format!(
+        let report = dir.json(&format!(
             "run --model paper --frames 3 --no-clip --guard {guard} -o {guard}"
         ));
         assert_eq!(number(&report, "/guarded/corrected"), 0.0);
         assert_eq!(report["diverged_frame"], Value::Null);
-        bytes.push(desk.read(&format!("{guard}/rollout.safetensors")));
+        bytes.push(dir.read(&format!("{guard}/rollout.safetensors")));
     }
     assert!(bytes[0] == bytes[1], "bit for bit");
 }
@@ -81,20 +81,20 @@ fn the_shipped_model_needs_no_guard_where_it_was_trained() {
 /// How far a cloth strains in so fast a motion only the solver knows.
 #[test]
 fn without_a_truth_that_a_run_diverges_is_a_suspicion() {
-    let desk = Desk::new();
-    desk.write(
+    let dir = TestFolder::new();
+    dir.write(
         "fast.toml",
         PUSH.replace("distance = 0.2", "distance = 2.0"),
     );
     let by = "run fast.toml --model paper --guard none --no-clip";
-    let alone = desk.run(&format!("{by} -o alone"));
+    let alone = dir.run(&format!("{by} -o alone"));
     assert!(alone.out.contains("may diverge"), "{}", alone.out);
     assert!(alone.out.contains("--compare"), "{}", alone.out);
-    let alone = desk.json(&format!("{by} -o alone"));
+    let alone = dir.json(&format!("{by} -o alone"));
     assert_eq!(alone["diverged_frame"], Value::Null);
     let suspected = number(&alone, "/suspected_frame");
     assert!(suspected > 0.0);
-    let compared = desk.json(&format!("{by} --compare -o compared"));
+    let compared = dir.json(&format!("{by} --compare -o compared"));
     assert_eq!(compared["suspected_frame"], Value::Null);
     assert!(number(&compared, "/diverged_frame") >= suspected);
 }
@@ -102,9 +102,9 @@ fn without_a_truth_that_a_run_diverges_is_a_suspicion() {
 /// There is no rigid body to compare with once a handle has let go.
 #[test]
 fn a_model_whose_handles_let_go_is_compared_with_its_truth() {
-    let desk = Desk::new();
+    let dir = TestFolder::new();
     let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fronts/let-go.toml");
-    let report = desk.json(&format!(
+    let report = dir.json(&format!(
         "run {scene} --model paper --compare --frames 20 --no-clip -o out"
     ));
     assert!(number(&report, "/comparison/position_rmse") > 0.0);

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use crate::common::{Desk, PUSH, TRAINING, tiny_preset};
+use crate::common::{PUSH, TRAINING, TestFolder, tiny_preset};
 
 /// A mesh that takes a minute.
 const LARGE: &str = r#"
@@ -16,10 +16,10 @@ motion = { inline = { kind = "blocks", blocks = [{ duration = 0.1 }] } }
 #[cfg(unix)]
 #[test]
 fn a_mesh_that_is_being_made_is_given_up_within_a_second() {
-    let desk = Desk::new();
-    desk.write("large.toml", LARGE);
+    let dir = TestFolder::new();
+    dir.write("large.toml", LARGE);
     for command in ["info large.toml", "run large.toml -o x.safetensors"] {
-        let mut running = desk.start(command);
+        let mut running = dir.start(command);
         std::thread::sleep(Duration::from_secs(3));
         assert!(running.goes_on(), "it ended early");
         let pressed = Instant::now();
@@ -30,7 +30,7 @@ fn a_mesh_that_is_being_made_is_given_up_within_a_second() {
         // A second, and what a busy machine adds.
         assert!(took < Duration::from_secs(4), "{command}: {took:?}");
         assert!(said.err.contains("interrupted"), "{}", said.err);
-        assert!(!desk.path("x.safetensors").exists());
+        assert!(!dir.path("x.safetensors").exists());
     }
 }
 
@@ -38,14 +38,14 @@ fn a_mesh_that_is_being_made_is_given_up_within_a_second() {
 #[cfg(unix)]
 #[test]
 fn work_that_is_stopped_before_its_first_result_leaves_no_folder() {
-    let desk = Desk::new();
-    desk.tiny();
+    let dir = TestFolder::new();
+    dir.tiny();
     let never = "sag]\ntolerance = 1e-300\nmax_steps = 1000000000\n";
-    desk.write("never.toml", format!("{PUSH}\n[{never}"));
-    desk.write("set.toml", format!("{}\n[setting.{never}", tiny_preset()));
+    dir.write("never.toml", format!("{PUSH}\n[{never}"));
+    dir.write("set.toml", format!("{}\n[setting.{never}", tiny_preset()));
     let recurrent = "encoder = { kind = \"gru\", window = 64 }";
     let recurrent = TRAINING.replace("encoder = { kind = \"mlp\" }", recurrent);
-    desk.write("moment.toml", recurrent);
+    dir.write("moment.toml", recurrent);
     let (sag, statistics) = ("sagging to rest: begun", "gathering statistics: begun");
     let roll = "run --model paper --compare never.toml";
     let train = "train moment.toml --data tiny --set statistics_samples=1000000 --json";
@@ -54,22 +54,22 @@ fn work_that_is_stopped_before_its_first_result_leaves_no_folder() {
         ("data generate set.toml", sag, ""),
         (train, statistics, "\"interrupted\":true"),
     ] {
-        let mut running = desk.start(&format!("{call} -o made"));
+        let mut running = dir.start(&format!("{call} -o made"));
         running.wait_for(begun);
-        assert!(desk.path("made").is_dir(), "{call}");
+        assert!(dir.path("made").is_dir(), "{call}");
         running.press();
         let said = running.ended();
         assert_eq!(said.code, Some(130), "{call}: {}", said.err);
         let words = said.out + &said.err;
         assert!(words.contains(told), "{call}: {words}");
-        assert!(!desk.path("made").exists(), "{call}");
+        assert!(!dir.path("made").exists(), "{call}");
     }
 }
 
 #[cfg(unix)]
 #[test]
 fn a_pipe_or_a_device_is_no_input() {
-    let desk = Desk::new();
+    let dir = TestFolder::new();
     for name in [
         "pipe.obj",
         "pipe.toml",
@@ -79,18 +79,18 @@ fn a_pipe_or_a_device_is_no_input() {
         "pipe.npz",
     ] {
         let made = std::process::Command::new("mkfifo")
-            .arg(desk.path(name))
+            .arg(dir.path(name))
             .status();
         assert!(made.unwrap().success());
-        desk.fails(&format!("info {name}"), 1, &[name, "a pipe or a device"]);
+        dir.fails(&format!("info {name}"), 1, &[name, "a pipe or a device"]);
     }
-    std::os::unix::fs::symlink("/dev/zero", desk.path("zero.toml")).unwrap();
+    std::os::unix::fs::symlink("/dev/zero", dir.path("zero.toml")).unwrap();
     for command in [
         "run zero.toml -o x.safetensors",
         "train zero.toml -o run --data tiny",
     ] {
-        desk.fails(command, 1, &["zero.toml", "a pipe or a device"]);
+        dir.fails(command, 1, &["zero.toml", "a pipe or a device"]);
     }
-    desk.write("named.toml", "name = \"n\"\nmaterial = \"gray-interlock\"\nmesh = { obj = \"pipe.obj\" }\nhandles = { vertices = [0] }\nmotion = { inline = { kind = \"blocks\", blocks = [{ duration = 0.1 }] } }\n");
-    desk.fails("info named.toml", 1, &["pipe.obj", "a pipe or a device"]);
+    dir.write("named.toml", "name = \"n\"\nmaterial = \"gray-interlock\"\nmesh = { obj = \"pipe.obj\" }\nhandles = { vertices = [0] }\nmotion = { inline = { kind = \"blocks\", blocks = [{ duration = 0.1 }] } }\n");
+    dir.fails("info named.toml", 1, &["pipe.obj", "a pipe or a device"]);
 }

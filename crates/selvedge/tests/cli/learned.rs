@@ -1,6 +1,6 @@
 //! The learned simulator from the command line: `train`, `eval`, `run --model`.
 
-use crate::common::{Desk, PUSH, PUSH_FRAMES, TRAINING, column, names_in, number, rows};
+use crate::common::{PUSH, PUSH_FRAMES, TRAINING, TestFolder, column, names_in, number, rows};
 use selvedge_data::Trajectory;
 
 /// The files of a training.
@@ -13,22 +13,21 @@ const TRAINED: [&str; 4] = [
 
 #[test]
 fn a_resumed_training_ends_with_the_same_weights() {
-    let desk = Desk::new();
-    desk.model();
-    let report = desk.json("train moment.toml --data tiny -o halves --steps 2");
+    let dir = TestFolder::new();
+    dir.model();
+    let report = dir.json("train moment.toml --data tiny -o halves --steps 2");
     assert_eq!(number(&report, "/steps_done"), 2.0);
-    desk.refuses("1 | train moment.toml --data tiny -o halves | halves | --resume");
-    desk.json("train moment.toml --data tiny -o halves --resume");
-    assert_eq!(names_in(&desk.path("halves")), TRAINED);
+    dir.refuses("1 | train moment.toml --data tiny -o halves | halves | --resume");
+    dir.json("train moment.toml --data tiny -o halves --resume");
+    assert_eq!(names_in(&dir.path("halves")), TRAINED);
     for name in ["checkpoint.safetensors", "model.safetensors"] {
-        let [whole, halves] =
-            ["run", "halves"].map(|folder| desk.read(&format!("{folder}/{name}")));
+        let [whole, halves] = ["run", "halves"].map(|folder| dir.read(&format!("{folder}/{name}")));
         assert!(whole == halves, "{name}");
     }
     // What failed before it wrote anything leaves no folder behind, nor those above it. A model will
     // do, by its file or its name, if it is of the same network.
     let (train, another) = ("train moment.toml --data tiny -o", "is another one");
-    desk.refuses(&format!(
+    dir.refuses(&format!(
         "1 | {train} nothing --resume | checkpoint.safetensors
          1 | {train} deep/other --from run --set model.latent=16 | --from run | {another} \
              | model.latent is 8 there, 16 here
@@ -36,8 +35,8 @@ fn a_resumed_training_ends_with_the_same_weights() {
              | model.latent is 64 there
          1 | {train} deep/other --from nobody | nobody | paper",
     ));
-    desk.json("train moment.toml --data tiny -o on --from run/model.safetensors --steps 2");
-    assert_eq!(names_in(&desk.path("on")), TRAINED);
+    dir.json("train moment.toml --data tiny -o on --from run/model.safetensors --steps 2");
+    assert_eq!(names_in(&dir.path("on")), TRAINED);
 }
 
 /// Two runs in one folder would mix their logs, and the last one's weights would win.
@@ -46,54 +45,54 @@ fn a_resumed_training_ends_with_the_same_weights() {
 fn a_folder_is_trained_into_by_one_run_at_a_time() {
     use std::process::Stdio;
 
-    let desk = Desk::new();
-    desk.tiny();
+    let dir = TestFolder::new();
+    dir.tiny();
     let long = TRAINING.replace("steps = 6", "steps = 100000000");
-    desk.write("long.toml", long);
+    dir.write("long.toml", long);
     let call = "train long.toml --data tiny -o run --checkpoint-every 1s";
-    let mut command = desk.command(call);
+    let mut command = dir.command(call);
     command.stdout(Stdio::null()).stderr(Stdio::null());
     let mut first = command.spawn().unwrap();
-    while !desk.path("run/checkpoint.safetensors").is_file() {
+    while !dir.path("run/checkpoint.safetensors").is_file() {
         assert!(first.try_wait().unwrap().is_none(), "it ended early");
         std::thread::sleep(std::time::Duration::from_millis(20));
     }
     let owner = format!("process {}", first.id());
     for call in [call, "train long.toml --data tiny -o run --resume"] {
-        desk.fails(call, 1, &["another run writes", &owner, "another folder"]);
+        dir.fails(call, 1, &["another run writes", &owner, "another folder"]);
     }
     // Killed, it leaves its lock and perhaps a part of a file; the next run takes over.
     first.kill().unwrap();
     first.wait().unwrap();
-    assert!(desk.path("run/.selvedge.lock").is_file());
-    desk.write("run/.model.safetensors.left.part", "half");
+    assert!(dir.path("run/.selvedge.lock").is_file());
+    dir.write("run/.model.safetensors.left.part", "half");
     let span = "train long.toml --data tiny -o run --resume --for 1s --micro-batch 2";
-    let report = desk.json(span);
+    let report = dir.json(span);
     let done = number(&report, "/steps_done");
     assert!(done > 0.0 && done < 1e8, "{done}");
     assert_eq!(report["interrupted"], false);
-    assert_eq!(names_in(&desk.path("run")), TRAINED);
+    assert_eq!(names_in(&dir.path("run")), TRAINED);
 }
 
 #[test]
 fn a_model_is_measured_beside_the_baselines() {
-    let desk = Desk::new();
-    desk.model();
-    let report = desk.json(
+    let dir = TestFolder::new();
+    dir.model();
+    let report = dir.json(
         "eval --model run/model.safetensors --data tiny --motion lift --horizons 5 --baselines rigid,mirror",
     );
     let means = || rows(&report, "means").iter();
     let mean = |name: &str| means().find(|mean| mean["method"] == name).unwrap();
     // The rigid baseline keeps the rest pose's strain.
-    let rest = desk.trajectory("tiny/test/lift.safetensors");
+    let rest = dir.trajectory("tiny/test/lift.safetensors");
     let rest = Trajectory::new(
         rest.cloth().clone(),
         rest.cloth().rest_positions().to_vec(),
         rest.provenance().clone(),
     )
     .unwrap();
-    rest.write(&desk.path("rest.safetensors")).unwrap();
-    let still = desk.json("info rest.safetensors");
+    rest.write(&dir.path("rest.safetensors")).unwrap();
+    let still = dir.json("info rest.safetensors");
     let strain = number(mean("rigid"), "/whole/largest_strain");
     // f32 positions: a relative error of 1e-7 of positions over edges five times shorter.
     assert!((strain - number(&still, "/largest_strain")).abs() < 3e-6);
@@ -106,51 +105,51 @@ fn a_model_is_measured_beside_the_baselines() {
 
 #[test]
 fn a_rollout_stands_beside_the_truth() {
-    let desk = Desk::new();
-    desk.model();
-    desk.write("push.toml", PUSH);
-    let report = desk.json("run --compare push.toml --model run/model.safetensors -o out");
+    let dir = TestFolder::new();
+    dir.model();
+    dir.write("push.toml", PUSH);
+    let report = dir.json("run --compare push.toml --model run/model.safetensors -o out");
     let names = [
         "clip.gif",
         "rollout.safetensors",
         "sheet.png",
         "truth.safetensors",
     ];
-    assert_eq!(names_in(&desk.path("out")), names);
+    assert_eq!(names_in(&dir.path("out")), names);
     assert_eq!(rows(&report, "wrote").len(), 4);
-    desk.json("run push.toml -o simulated.safetensors");
-    assert!(desk.read("out/truth.safetensors") == desk.read("simulated.safetensors"));
-    let compared = desk.json("compare out/truth.safetensors out/rollout.safetensors");
+    dir.json("run push.toml -o simulated.safetensors");
+    assert!(dir.read("out/truth.safetensors") == dir.read("simulated.safetensors"));
+    let compared = dir.json("compare out/truth.safetensors out/rollout.safetensors");
     let told = number(&report, "/comparison/position_rmse");
     assert_eq!(number(&compared, "/position_rmse"), told);
     let [truth, rollout] =
-        ["truth", "rollout"].map(|name| desk.trajectory(&format!("out/{name}.safetensors")));
+        ["truth", "rollout"].map(|name| dir.trajectory(&format!("out/{name}.safetensors")));
     for frame in 0..=PUSH_FRAMES {
         let held = |run: &Trajectory| run.handles().select(run.frame(frame));
         assert_eq!(held(&truth), held(&rollout));
     }
-    assert!(desk.read("out/sheet.png").starts_with(b"\x89PNG"));
-    assert!(desk.read("out/clip.gif").starts_with(b"GIF89a"));
+    assert!(dir.read("out/sheet.png").starts_with(b"\x89PNG"));
+    assert!(dir.read("out/clip.gif").starts_with(b"GIF89a"));
 }
 
 #[test]
 fn a_rollout_into_a_used_folder_leaves_nothing_of_the_earlier_one() {
-    let desk = Desk::with_push();
+    let dir = TestFolder::with_push();
     // The shipped scene, where none is named, into the folder that none is named for.
-    let first = desk.json("run --model paper --compare --frames 3");
+    let first = dir.json("run --model paper --compare --frames 3");
     assert_eq!(first["scene"], "default");
     assert_eq!(first["model"], "paper");
-    let run = desk.trajectory("out/rollout.safetensors");
+    let run = dir.trajectory("out/rollout.safetensors");
     assert_eq!((run.frame_count(), run.vertex_count()), (4, 400));
     assert_eq!(rows(&first, "removed").len(), 0);
-    desk.write("out/notes.txt", "mine");
-    let again = desk.json("run --compare push.toml --model paper -o out --frames 2");
+    dir.write("out/notes.txt", "mine");
+    let again = dir.json("run --compare push.toml --model paper -o out --frames 2");
     assert_eq!(again["model"], "paper");
     assert_eq!(rows(&again, "removed").len(), 0);
-    let all = desk.run("run --model paper push.toml -o out --frames 2 --no-clip");
+    let all = dir.run("run --model paper push.toml -o out --frames 2 --no-clip");
     assert_eq!(all.code, Some(0), "{}", all.err);
     let names = ["notes.txt", "rollout.safetensors", "sheet.png"];
-    assert_eq!(names_in(&desk.path("out")), names);
+    assert_eq!(names_in(&dir.path("out")), names);
     for name in ["truth.safetensors", "clip.gif"] {
         let told = std::path::Path::new("out").join(name);
         let line = format!("{}, of an earlier rollout", told.display());

@@ -5,7 +5,7 @@
 //! in double precision: its own numbers, made once for this test.
 use std::path::Path;
 
-use crate::common::{Desk, PUSH, PUSH_FRAMES, number};
+use crate::common::{PUSH, PUSH_FRAMES, TestFolder, number};
 use selvedge_cloth::{Checkpoint, Stepper};
 use selvedge_data::{StateChoice, StateRun, open_scene};
 use selvedge_sim::Simulator;
@@ -48,9 +48,9 @@ fn sixty_frames_of_a_turning_sheet_are_arcsims() {
     assert!(error < 1e-7, "{error:e} m");
 }
 
-fn swing() -> Desk {
-    let desk = Desk::new();
-    desk.write("swing.json", SWING);
+fn swing() -> TestFolder {
+    let dir = TestFolder::new();
+    dir.write("swing.json", SWING);
     let mut mesh = String::new();
     for k in 0..9 {
         let (x, y) = (0.05 * f64::from(k % 3), 0.05 * f64::from(k / 3));
@@ -60,27 +60,27 @@ fn swing() -> Desk {
         let corners = [k, k + 1, k + 4, k + 3].map(|v| format!("{v}/{v}"));
         mesh += &format!("f {}\n", corners.join(" "));
     }
-    desk.write("sheet.obj", mesh);
-    desk
+    dir.write("sheet.obj", mesh);
+    dir
 }
 
 #[test]
 fn a_scene_of_arcsim_runs_from_where_its_mesh_stands() {
-    let desk = swing();
-    let said = desk.run("run swing.json -o run.safetensors");
+    let dir = swing();
+    let said = dir.run("run swing.json -o run.safetensors");
     assert_eq!(said.code, Some(0), "{}", said.err);
     let material = "the shipped material gray-interlock";
     assert!(said.err.contains(material), "{}", said.err);
-    let run = desk.trajectory("run.safetensors");
+    let run = dir.trajectory("run.safetensors");
     assert_eq!(run.frame_count(), 13);
     assert_eq!(run.frame(0)[4].to_array(), [0.05, 0.05, 0.0]);
     // Spring handles lag behind their targets: by the force on them over 1000 N/m, for a sheet of 2
     // g that is accelerated by up to 60 m/s² at most 0.12 mm.
     let [before, after] = [run.frame(0)[6], run.frame(12)[6]];
     assert!((after.z - before.z - 0.1).abs() < 1.2e-4);
-    let report = desk.json("info swing.json");
+    let report = dir.json("info swing.json");
     assert_eq!(number(&report, "/frames"), 12.0);
-    desk.json("run --rest swing.json -o rest.safetensors");
+    dir.json("run --rest swing.json -o rest.safetensors");
     for (key, words) in [
         (
             r#""frame_steps": "four""#,
@@ -88,8 +88,8 @@ fn a_scene_of_arcsim_runs_from_where_its_mesh_stands() {
         ),
         (r#""glow": 1, "frame_steps": 4"#, "unknown field | glow"),
     ] {
-        desk.write("bad.json", SWING.replace(r#""frame_steps": 4"#, key));
-        desk.refuses(&format!(
+        dir.write("bad.json", SWING.replace(r#""frame_steps": 4"#, key));
+        dir.refuses(&format!(
             "1 | run bad.json -o x.safetensors | bad.json | {words}"
         ));
     }
@@ -97,34 +97,34 @@ fn a_scene_of_arcsim_runs_from_where_its_mesh_stands() {
 
 #[test]
 fn a_run_goes_on_from_a_kept_state_bit_for_bit() {
-    let desk = swing();
-    desk.write("push.toml", PUSH);
+    let dir = swing();
+    dir.write("push.toml", PUSH);
     for (scene, frames) in [("push.toml", PUSH_FRAMES), ("swing.json", 12)] {
-        desk.json(&format!(
+        dir.json(&format!(
             "run {scene} -o whole.safetensors --states whole-s.safetensors"
         ));
         let on = format!(
             "run {scene} -o on.safetensors --states on-s.safetensors --start whole-s.safetensors:7"
         );
-        let report = desk.json(&on);
+        let report = dir.json(&on);
         assert_eq!(number(&report, "/first_frame"), 7.0);
         assert_eq!(number(&report, "/frames"), (frames - 7 + 1) as f64);
         let [whole, on] = ["whole-s.safetensors", "on-s.safetensors"]
-            .map(|name| StateRun::from_bytes(&desk.read(name)).unwrap());
+            .map(|name| StateRun::from_bytes(&dir.read(name)).unwrap());
         assert_eq!(on.states, whole.states[7..]);
         let vertices = whole.states[0].positions.len();
         // The default looks back at the substep before, ARCSim's mode does not.
         let looks_back = scene == "push.toml";
         assert_eq!(whole.states[7].previous.is_some(), looks_back);
         let [long, short] =
-            ["whole.safetensors", "on.safetensors"].map(|name| desk.trajectory(name));
+            ["whole.safetensors", "on.safetensors"].map(|name| dir.trajectory(name));
         assert_eq!(short.positions(), &long.positions()[7 * vertices..]);
     }
-    let report = desk.json("info whole-s.safetensors");
+    let report = dir.json("info whole-s.safetensors");
     assert_eq!(report["kind"], "states");
-    desk.json("run push.toml -o on.safetensors --states own-s.safetensors");
+    dir.json("run push.toml -o on.safetensors --states own-s.safetensors");
     let start = "run push.toml -o on.safetensors --start";
-    desk.refuses(&format!(
+    dir.refuses(&format!(
         "1 | {start} whole-s.safetensors:1 | array positions: expected [36, 3]
          1 | {start} own-s.safetensors:30 | 30 of them have passed
          1 | {start} own-s.safetensors:31 | own-s.safetensors | frames 0, 1, 2",
@@ -133,8 +133,8 @@ fn a_run_goes_on_from_a_kept_state_bit_for_bit() {
 
 #[test]
 fn a_scene_can_say_where_it_starts() {
-    let desk = swing();
-    desk.json("run swing.json -o run.safetensors --states states.safetensors");
+    let dir = swing();
+    dir.json("run swing.json -o run.safetensors --states states.safetensors");
     let scene = r#"
 name = "on"
 material = "gray-interlock"
@@ -144,15 +144,15 @@ motion = { inline = { kind = "blocks", blocks = [{ duration = 0.2 }] } }
 physics = "arcsim"
 "#;
     let start = "start = { state = { file = \"states.safetensors\", frame = 12 } }\n";
-    desk.write("mesh.toml", format!("{scene}start = \"mesh\""));
-    desk.write("on.toml", format!("{scene}{start}"));
-    desk.json("run mesh.toml -o mesh.safetensors");
-    desk.json("run on.toml -o on.safetensors --frames 3");
+    dir.write("mesh.toml", format!("{scene}start = \"mesh\""));
+    dir.write("on.toml", format!("{scene}{start}"));
+    dir.json("run mesh.toml -o mesh.safetensors");
+    dir.json("run on.toml -o on.safetensors --frames 3");
     let [swing, mesh, on] =
-        ["run.safetensors", "mesh.safetensors", "on.safetensors"].map(|name| desk.trajectory(name));
+        ["run.safetensors", "mesh.safetensors", "on.safetensors"].map(|name| dir.trajectory(name));
     assert_eq!(mesh.frame(0), swing.frame(0));
     assert_eq!(on.frame(0), swing.frame(12));
-    desk.write("none.toml", format!("{scene}{}", start.replace("12", "99")));
+    dir.write("none.toml", format!("{scene}{}", start.replace("12", "99")));
     let words = "none.toml | start.state | states.safetensors | frames 0, 1, 2";
-    desk.refuses(&format!("1 | run none.toml -o on.safetensors | {words}"));
+    dir.refuses(&format!("1 | run none.toml -o on.safetensors | {words}"));
 }

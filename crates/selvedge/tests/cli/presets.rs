@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::common::{Desk, column, names_in, number, rows};
+use crate::common::{TestFolder, column, names_in, number, rows};
 use selvedge_data::Dataset;
 use selvedge_train::{OnProcessor, Setting, TrainConfig, Trainer};
 
@@ -47,7 +47,7 @@ fn names() -> Vec<&'static str> {
 
 #[test]
 fn every_preset_is_listed_with_the_network_that_it_promises() {
-    let report = Desk::new().json("list configs");
+    let report = TestFolder::new().json("list configs");
     let rows = rows(&report, "configs");
     let file = |name: &str| format!("{name}.toml");
     let mut listed: Vec<String> = column(rows, "name").into_iter().map(file).collect();
@@ -77,9 +77,9 @@ fn every_preset_is_listed_with_the_network_that_it_promises() {
 
 #[test]
 fn every_preset_takes_two_steps_with_a_finite_loss() {
-    let desk = Desk::new();
-    desk.tiny();
-    let data = Dataset::open(&desk.path("tiny")).unwrap();
+    let dir = TestFolder::new();
+    dir.tiny();
+    let data = Dataset::open(&dir.path("tiny")).unwrap();
     for name in names() {
         let cfg = preset(name, &["statistics_samples=10"]);
         let mut trainer = Trainer::new(cfg, &data, &OnProcessor::default()).unwrap();
@@ -94,18 +94,18 @@ fn every_preset_takes_two_steps_with_a_finite_loss() {
 
 #[test]
 fn a_preset_is_tried_at_reduced_size() {
-    let desk = Desk::new();
-    desk.tiny();
+    let dir = TestFolder::new();
+    dir.tiny();
     let small = "--set model.latent=8 --set model.blocks=1 --set statistics_samples=10";
-    let report = desk.json(&format!(
+    let report = dir.json(&format!(
         "train rp-gru10 --data tiny -o run --steps 1 {small}"
     ));
-    let file = desk.json("info run/model.safetensors");
+    let file = dir.json("info run/model.safetensors");
     assert_eq!(number(&report, "/parameters"), number(&file, "/parameters"));
     assert_eq!(number(&file, "/spec/latent"), 8.0);
     assert_eq!(number(&file, "/spec/encoder/window"), 10.0);
     let set = "train rp-gru10 --data tiny -o again --set";
-    desk.refuses(&format!(
+    dir.refuses(&format!(
         "1 | {set} model.latnet=8 | rp-gru10 | model.latnet = 8 | unknown field `latnet`
          2 | {set} model.latent | \"model.latent\" is no setting",
     ));

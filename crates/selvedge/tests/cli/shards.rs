@@ -1,50 +1,50 @@
 //! Parts of a data set, made by runs that never meet, and the whole that they are merged into.
 
-use crate::common::{Desk, number, tiny_preset};
+use crate::common::{TestFolder, number, tiny_preset};
 use serde_json::{Value, json};
 
 #[test]
 fn parts_merge_into_the_bytes_of_the_whole() {
-    let desk = Desk::new();
-    desk.tiny();
+    let dir = TestFolder::new();
+    dir.tiny();
     for (count, made) in [(2, [2.0, 1.0, 0.0]), (3, [1.0, 1.0, 1.0])] {
         let mut parts = Vec::new();
         for part in 1..=count {
             let name = format!("part-{part}-{count}");
             let generate = format!("data generate tiny -o {name} --shard {part}/{count}");
-            let report = desk.json(&generate);
+            let report = dir.json(&generate);
             assert_eq!(report["part"], format!("{part}/{count}"));
             assert_eq!(number(&report, "/trajectories_missing"), 0.0);
-            let index = desk.text(&format!("{name}/index.partial.json"));
+            let index = dir.text(&format!("{name}/index.partial.json"));
             let trajectories = index.matches("blake3").count() as f64;
             assert_eq!(trajectories, made[part - 1], "{name}");
             parts.insert(0, name);
         }
         let out = format!("merged-{count}");
         let merge = format!("data merge {} -o {out}", parts.join(" "));
-        let report = desk.json(&merge);
+        let report = dir.json(&merge);
         assert_eq!(number(&report, "/trajectories"), 3.0);
-        assert!(desk.files(&out) == desk.files("tiny"), "{count} parts");
+        assert!(dir.files(&out) == dir.files("tiny"), "{count} parts");
         // Once more, and as a data set that the usual command finds complete.
-        desk.json(&merge);
-        let report = desk.json(&format!("data generate tiny -o {out}"));
+        dir.json(&merge);
+        let report = dir.json(&format!("data generate tiny -o {out}"));
         assert_eq!(number(&report, "/frames_made"), 0.0);
-        assert!(desk.files(&out) == desk.files("tiny"));
+        assert!(dir.files(&out) == dir.files("tiny"));
     }
 }
 
 #[test]
 fn a_part_goes_on_and_is_no_other_part() {
-    let desk = Desk::new();
+    let dir = TestFolder::new();
     let generate = "data generate tiny -o part --shard 1/2";
-    desk.json(generate);
-    let whole = desk.files("part");
-    std::fs::remove_file(desk.path("part/train/push.safetensors")).unwrap();
-    let report = desk.json(generate);
+    dir.json(generate);
+    let whole = dir.files("part");
+    std::fs::remove_file(dir.path("part/train/push.safetensors")).unwrap();
+    let report = dir.json(generate);
     assert_eq!(number(&report, "/trajectories_kept"), 1.0);
-    assert!(desk.files("part") == whole);
+    assert!(dir.files("part") == whole);
     let all = "data generate tiny -o part";
-    desk.refuses(&format!(
+    dir.refuses(&format!(
         "1 | {all} --shard 2/2 | part | 1/2 | not part 2/2 | another folder
          1 | {all} | 1/2 | not the whole | another folder
          1 | info part | part",
@@ -53,15 +53,15 @@ fn a_part_goes_on_and_is_no_other_part() {
 
 #[test]
 fn a_merge_says_what_is_missing_or_does_not_fit() {
-    let desk = Desk::new();
+    let dir = TestFolder::new();
     for part in [1, 2, 3] {
-        desk.json(&format!("data generate tiny -o {part} --shard {part}/3"));
+        dir.json(&format!("data generate tiny -o {part} --shard {part}/3"));
     }
-    desk.json("data generate tiny -o of-two --shard 1/2");
-    desk.json("data generate tiny -o whole");
-    desk.write("other.toml", tiny_preset().replace("seed = 1", "seed = 2"));
-    desk.json("data generate other.toml -o third --shard 3/3");
-    desk.refuses(
+    dir.json("data generate tiny -o of-two --shard 1/2");
+    dir.json("data generate tiny -o whole");
+    dir.write("other.toml", tiny_preset().replace("seed = 1", "seed = 2"));
+    dir.json("data generate other.toml -o third --shard 3/3");
+    dir.refuses(
         "1 | data merge 1 2 -o all | parts 3/3 are missing
          1 | data merge 1 1 2 -o all | both part 1/3
          1 | data merge 2 of-two -o all | of-two | part 1/2 | part 2/3
@@ -69,19 +69,19 @@ fn a_merge_says_what_is_missing_or_does_not_fit() {
          1 | data merge 1 2 third -o all | third | does not fit | another configuration
          2 | data generate tiny -o x --shard 4/3 | --shard | I/N",
     );
-    desk.write("2/train/turn.safetensors", "short");
+    dir.write("2/train/turn.safetensors", "short");
     let merge = "data merge 1 2 3 -o all";
-    desk.fails(merge, 1, &["turn.safetensors", "changed"]);
-    let mut value: Value = serde_json::from_slice(&desk.read("1/index.partial.json")).unwrap();
+    dir.fails(merge, 1, &["turn.safetensors", "changed"]);
+    let mut value: Value = serde_json::from_slice(&dir.read("1/index.partial.json")).unwrap();
     value["done"]["train"] = json!([]);
-    desk.write("1/index.partial.json", value.to_string());
-    desk.fails(merge, 1, &["part 1/3 lacks 1", "push", "run again"]);
+    dir.write("1/index.partial.json", value.to_string());
+    dir.fails(merge, 1, &["part 1/3 lacks 1", "push", "run again"]);
 }
 
 #[test]
 fn parts_of_a_study_train_in_one_folder() {
-    let desk = Desk::new();
-    desk.to_train();
+    let dir = TestFolder::new();
+    dir.to_train();
     let entry = |name: &str, more: &str| {
         format!("[[train]]\nname = \"{name}\"\nconfig = \"moment.toml\"\n{more}\n")
     };
@@ -92,23 +92,23 @@ fn parts_of_a_study_train_in_one_folder() {
         &entry("other", "set = [\"seed=2\"]"),
         &entry("later", "after = \"one\""),
     ];
-    desk.write("study.toml", study.concat());
-    desk.json("study study.toml -o whole");
+    dir.write("study.toml", study.concat());
+    dir.json("study study.toml -o whole");
     for (part, trained) in [(2, 1.0), (1, 2.0)] {
-        let report = desk.json(&format!("study study.toml -o parts --shard {part}/2"));
+        let report = dir.json(&format!("study study.toml -o parts --shard {part}/2"));
         assert_eq!(number(&report, "/trained"), trained);
-        assert!(!desk.path("parts/report").exists());
+        assert!(!dir.path("parts/report").exists());
     }
-    let report = desk.json("study study.toml -o parts");
+    let report = dir.json("study study.toml -o parts");
     assert_eq!(number(&report, "/trained"), 3.0);
     for name in ["one", "other", "later"] {
-        let model = |out| desk.read(&format!("{out}/trainings/{name}/model.safetensors"));
+        let model = |out| dir.read(&format!("{out}/trainings/{name}/model.safetensors"));
         assert!(model("whole") == model("parts"), "{name}");
     }
     let made = study.concat().replace("folder = ", "preset = ");
-    desk.write("made.toml", made);
+    dir.write("made.toml", made);
     let words = "parts/data/tiny | not there yet | data generate tiny";
-    desk.refuses(&format!(
+    dir.refuses(&format!(
         "1 | study made.toml -o parts --shard 1/2 | {words}"
     ));
 }

@@ -1,15 +1,15 @@
 //! How the program is called: help, wrong calls, where its answers go, and Ctrl-C.
 
-use crate::common::{Desk, PUSH};
+use crate::common::{PUSH, TestFolder};
 
 #[test]
 fn wrong_calls_exit_with_2_and_say_why() {
-    let desk = Desk::new();
+    let dir = TestFolder::new();
     // It is the help that is said where there is no call.
-    let said = desk.run("");
+    let said = dir.run("");
     assert_eq!((said.code, said.out.as_str()), (Some(2), ""));
     assert!(said.err.contains("Usage"), "{}", said.err);
-    desk.refuses(
+    dir.refuses(
         "2 | exprt | export
          2 | run default --compare | --model
          2 | run default -o a.safetensors --frames 0 | --frames
@@ -32,33 +32,33 @@ fn wrong_calls_exit_with_2_and_say_why() {
 /// meant.
 #[test]
 fn a_folder_hides_nothing_that_is_shipped() {
-    let desk = Desk::new();
+    let dir = TestFolder::new();
     for name in ["default", "paper", "tiny", "mine"] {
-        std::fs::create_dir(desk.path(name)).unwrap();
+        std::fs::create_dir(dir.path(name)).unwrap();
     }
-    desk.json("run default --start mesh --frames 1 -o run.safetensors");
-    assert_eq!(desk.json("info default")["kind"], "scene");
-    desk.json("data generate tiny -o set");
-    desk.write("push.toml", PUSH);
+    dir.json("run default --start mesh --frames 1 -o run.safetensors");
+    assert_eq!(dir.json("info default")["kind"], "scene");
+    dir.json("data generate tiny -o set");
+    dir.write("push.toml", PUSH);
     let rollout = "run push.toml --no-clip --frames 1 -o out --model";
-    desk.json(&format!("{rollout} paper"));
+    dir.json(&format!("{rollout} paper"));
     let words = "mine: is a folder | name the model in it, mine/model.safe";
-    desk.refuses(&format!("1 | {rollout} mine | {words}"));
-    desk.write("paper/model.safetensors", "a model of the user's");
+    dir.refuses(&format!("1 | {rollout} mine | {words}"));
+    dir.write("paper/model.safetensors", "a model of the user's");
     let words = "paper: is a folder | paper/model.safetensors \
         | for the shipped model of this name, start from another folder";
-    desk.refuses(&format!("1 | {rollout} paper | {words}"));
+    dir.refuses(&format!("1 | {rollout} paper | {words}"));
     // What the program made in a folder is what the folder stands for.
-    std::fs::rename(desk.path("default"), desk.path("empty")).unwrap();
-    std::fs::rename(desk.path("set"), desk.path("default")).unwrap();
-    assert_ne!(desk.json("info default")["kind"], "scene");
+    std::fs::rename(dir.path("default"), dir.path("empty")).unwrap();
+    std::fs::rename(dir.path("set"), dir.path("default")).unwrap();
+    assert_ne!(dir.json("info default")["kind"], "scene");
 }
 
 #[test]
 fn every_shell_has_a_script_that_knows_the_commands() {
-    let desk = Desk::new();
+    let dir = TestFolder::new();
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
-        let said = desk.run(&format!("completions {shell}"));
+        let said = dir.run(&format!("completions {shell}"));
         assert_eq!((said.code, said.err.as_str()), (Some(0), ""), "{shell}");
         for word in ["selvedge", "compare", "horizons", "no-clip"] {
             assert!(said.out.contains(word), "{shell} lacks {word}");
@@ -68,7 +68,7 @@ fn every_shell_has_a_script_that_knows_the_commands() {
 
 #[test]
 fn the_version_is_that_of_the_package_with_its_commit() {
-    let said = Desk::new().run("--version").out;
+    let said = TestFolder::new().run("--version").out;
     let rest = said.strip_prefix("selvedge ").unwrap().trim();
     let version = env!("CARGO_PKG_VERSION");
     let commit = rest.strip_prefix(version).unwrap();
@@ -83,7 +83,7 @@ fn the_version_is_that_of_the_package_with_its_commit() {
 
 #[test]
 fn what_ships_is_listed() {
-    let desk = Desk::new();
+    let dir = TestFolder::new();
     for (what, name) in [
         ("scenes", "default"),
         ("materials", "gray-interlock"),
@@ -93,18 +93,18 @@ fn what_ships_is_listed() {
         ("presets", "tiny"),
         ("studies", "table1"),
     ] {
-        let said = desk.run(&format!("list {what}"));
+        let said = dir.run(&format!("list {what}"));
         assert!(said.out.contains(name), "{what}: {}", said.out);
     }
 }
 
 #[test]
 fn a_person_gets_a_table_and_a_program_gets_json() {
-    let desk = Desk::with_push();
-    let said = desk.run("run push.toml -o run.safetensors --frames 2");
+    let dir = TestFolder::with_push();
+    let said = dir.run("run push.toml -o run.safetensors --frames 2");
     assert_eq!(said.code, Some(0), "{}", said.err);
     assert!(said.out.contains("wrote"), "{}", said.out);
-    let said = desk.run("run push.toml -o run.safetensors --frames 2 --json -vv");
+    let said = dir.run("run push.toml -o run.safetensors --frames 2 --json -vv");
     let report: serde_json::Value = serde_json::from_str(&said.out).unwrap();
     assert_eq!(report["out"], "run.safetensors");
     assert!(said.err.contains("found the rest pose"), "{}", said.err);
@@ -117,35 +117,34 @@ mod interrupts {
 
     #[test]
     fn an_interrupted_simulation_writes_the_frames_so_far() {
-        let desk = Desk::with_push();
-        let mut run = desk.start("run push.toml -o run.safetensors --frames 100000");
+        let dir = TestFolder::with_push();
+        let mut run = dir.start("run push.toml -o run.safetensors --frames 100000");
         run.wait_for(Running::HAS_RESULTS);
         run.press();
         let Said { code, out, .. } = run.ended();
         assert_eq!(code, Some(130));
         assert!(out.contains("interrupted"), "{out}");
-        let run = desk.trajectory("run.safetensors");
+        let run = dir.trajectory("run.safetensors");
         let frames = run.frame_count();
         assert!((1..100_001).contains(&frames));
         assert!(out.contains(&format!("{frames} of 100001")), "{out}");
-        assert_eq!(desk.names(), ["push.toml", "run.safetensors"]);
+        assert_eq!(dir.names(), ["push.toml", "run.safetensors"]);
     }
 
     #[test]
     fn an_interrupted_rollout_leaves_no_file_of_an_earlier_one() {
-        let desk = Desk::with_push();
+        let dir = TestFolder::with_push();
         // The earlier one is of another mesh, to be told from the new one however far that comes.
-        desk.write("other.toml", PUSH.replace("vertices = 36", "vertices = 25"));
-        desk.json("run --model paper --compare other.toml --frames 2 -o out");
-        let mut rollout =
-            desk.start("run --model paper --compare push.toml --frames 100000 -o out");
+        dir.write("other.toml", PUSH.replace("vertices = 36", "vertices = 25"));
+        dir.json("run --model paper --compare other.toml --frames 2 -o out");
+        let mut rollout = dir.start("run --model paper --compare push.toml --frames 100000 -o out");
         rollout.wait_for(Running::HAS_RESULTS);
         rollout.press();
         let Said { code, out, .. } = rollout.ended();
         assert_eq!(code, Some(130));
         assert!(out.contains("interrupted"), "{out}");
-        assert_eq!(names_in(&desk.path("out")), ["rollout.safetensors"]);
-        let run = desk.trajectory("out/rollout.safetensors");
+        assert_eq!(names_in(&dir.path("out")), ["rollout.safetensors"]);
+        let run = dir.trajectory("out/rollout.safetensors");
         assert_eq!(run.vertex_count(), 36);
         for name in ["truth.safetensors", "sheet.png", "clip.gif"] {
             let line = format!("{name}, of an earlier rollout");
@@ -155,7 +154,7 @@ mod interrupts {
 
     #[test]
     fn an_interrupted_data_set_is_completed_by_a_second_run() {
-        let desk = Desk::new();
+        let dir = TestFolder::new();
         // Long enough that a press right after the start comes before the end.
         let preset = r#"
             name = "long"
@@ -167,11 +166,11 @@ mod interrupts {
             mesh = { generator = { kind = "square", vertices = 64, size = 1.0, seed = 1 } }
             handles = { label = "upper-corners" }
         "#;
-        desk.write("long.toml", preset);
-        let mut generate = desk.start("data generate long.toml -o pieces -j 2");
+        dir.write("long.toml", preset);
+        let mut generate = dir.start("data generate long.toml -o pieces -j 2");
         // Of a set of which nothing was written, nothing would stay.
         let is_made = |name: &String| name.ends_with(".safetensors");
-        let train = desk.path("pieces/train");
+        let train = dir.path("pieces/train");
         while !(train.is_dir() && names_in(&train).iter().any(is_made)) {
             assert!(generate.goes_on(), "it ended early");
             std::thread::sleep(std::time::Duration::from_millis(5));
@@ -180,10 +179,10 @@ mod interrupts {
         let Said { code, out, .. } = generate.ended();
         assert_eq!(code, Some(130));
         assert!(out.contains("run the same command again"), "{out}");
-        assert!(!desk.path("pieces/index.json").exists());
-        desk.refuses("1 | info pieces | not complete | again");
-        desk.json("data generate long.toml -o pieces");
-        desk.json("data generate long.toml -o whole");
-        assert!(desk.files("pieces") == desk.files("whole"));
+        assert!(!dir.path("pieces/index.json").exists());
+        dir.refuses("1 | info pieces | not complete | again");
+        dir.json("data generate long.toml -o pieces");
+        dir.json("data generate long.toml -o whole");
+        assert!(dir.files("pieces") == dir.files("whole"));
     }
 }

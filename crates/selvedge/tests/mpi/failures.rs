@@ -5,7 +5,7 @@ use std::process::{Command, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use crate::desk::{Desk, OnRanks, must_fail, training};
+use crate::folder::{OnRanks, TestFolder, must_fail, training};
 
 /// Time that the other ranks have to end.
 const PATIENCE: Duration = Duration::from_secs(15);
@@ -13,44 +13,44 @@ const PATIENCE: Duration = Duration::from_secs(15);
 /// A training that ranks share.
 const TRAIN: &str = "train steps.toml --data tiny --steps 600 --checkpoint-every 1s -o out";
 
-/// A desk with a training and its data.
-fn desk() -> Desk {
-    let desk = Desk::new();
-    desk.write("steps.toml", training());
-    desk.json_on(1, "data generate tiny -o tiny");
-    desk
+/// A folder with a training and its data.
+fn dir() -> TestFolder {
+    let dir = TestFolder::new();
+    dir.write("steps.toml", training());
+    dir.json_on(1, "data generate tiny -o tiny");
+    dir
 }
 
 /// The files in `out`, which it takes away.
-fn result(desk: &Desk) -> Vec<(String, Vec<u8>)> {
-    let files = desk.files("out");
-    std::fs::remove_dir_all(desk.path("out")).unwrap();
+fn result(dir: &TestFolder) -> Vec<(String, Vec<u8>)> {
+    let files = dir.files("out");
+    std::fs::remove_dir_all(dir.path("out")).unwrap();
     files
 }
 
 #[test]
 fn a_killed_rank_ends_all_is_named_and_changes_nothing() {
-    let desk = desk();
-    desk.json_on(1, TRAIN);
-    let expected = result(&desk);
+    let dir = dir();
+    dir.json_on(1, TRAIN);
+    let expected = result(&dir);
     for victim in [0, 1] {
-        let said = killed(&desk, victim);
+        let said = killed(&dir, victim);
         assert!(said.contains(&format!("rank {victim} ")), "{said}");
-        desk.json_on(3, &format!("{TRAIN} --resume"));
-        assert!(result(&desk) == expected, "other bytes");
+        dir.json_on(3, &format!("{TRAIN} --resume"));
+        assert!(result(&dir) == expected, "other bytes");
     }
 }
 
 /// The words of two ranks that train when one of them was killed in the middle.
-fn killed(desk: &Desk, rank: usize) -> String {
-    let mut command = desk.on(2, TRAIN);
+fn killed(dir: &TestFolder, rank: usize) -> String {
+    let mut command = dir.on(2, TRAIN);
     let mut child = command
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
     let started = Instant::now();
-    while ranks_of(child.id()).len() < 2 || !desk.path("out/checkpoint.safetensors").exists() {
+    while ranks_of(child.id()).len() < 2 || !dir.path("out/checkpoint.safetensors").exists() {
         assert!(started.elapsed() < Duration::from_secs(60));
         thread::sleep(Duration::from_millis(5));
     }
@@ -69,19 +69,19 @@ fn killed(desk: &Desk, rank: usize) -> String {
 
 #[test]
 fn a_rank_whose_work_fails_is_named_and_changes_nothing() {
-    let desk = desk();
-    desk.json_on(1, TRAIN);
-    let expected = result(&desk);
+    let dir = dir();
+    dir.json_on(1, TRAIN);
+    let expected = result(&dir);
     // Rank 1 has another folder, with a data set that is damaged.
-    let other = desk.path("other");
+    let other = dir.path("other");
     std::fs::create_dir_all(other.join("tiny")).unwrap();
-    std::fs::copy(desk.path("steps.toml"), other.join("steps.toml")).unwrap();
-    desk.write("other/tiny/index.json", "{}");
+    std::fs::copy(dir.path("steps.toml"), other.join("steps.toml")).unwrap();
+    dir.write("other/tiny/index.json", "{}");
     let scripts = ["exec \"$@\"", "cd other; exec \"$@\""];
-    must_fail(&desk.each(scripts, TRAIN), &["rank 1 has failed: "]);
-    assert!(!desk.path("out/model.safetensors").exists());
-    desk.json_on(2, TRAIN);
-    assert!(result(&desk) == expected);
+    must_fail(&dir.each(scripts, TRAIN), &["rank 1 has failed: "]);
+    assert!(!dir.path("out/model.safetensors").exists());
+    dir.json_on(2, TRAIN);
+    assert!(result(&dir) == expected);
 }
 
 /// The processes of the ranks that `mpirun` has started, in their order.
@@ -110,11 +110,11 @@ fn send(signal: &str, process: u32) {
 
 #[test]
 fn a_press_of_ctrl_c_ends_all_ranks_with_whole_files() {
-    let desk = desk();
+    let dir = dir();
     let train = "train steps.toml --data tiny -o out --steps 1000000";
-    let mut child = desk.on(2, train).stdout(Stdio::null()).spawn().unwrap();
+    let mut child = dir.on(2, train).stdout(Stdio::null()).spawn().unwrap();
     let started = Instant::now();
-    while ranks_of(child.id()).len() < 2 || !desk.path("out/log.jsonl").exists() {
+    while ranks_of(child.id()).len() < 2 || !dir.path("out/log.jsonl").exists() {
         assert!(started.elapsed() < Duration::from_secs(60));
         thread::sleep(Duration::from_millis(20));
     }
@@ -128,6 +128,6 @@ fn a_press_of_ctrl_c_ends_all_ranks_with_whole_files() {
         thread::sleep(Duration::from_millis(10));
     }
     let resume = "train steps.toml --data tiny -o out --resume --for 1s --steps 1000000";
-    let report = desk.json_on(3, resume);
+    let report = dir.json_on(3, resume);
     assert_eq!(report["ranks"], 3);
 }

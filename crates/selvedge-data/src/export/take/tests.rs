@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use glam::{DQuat, DVec3, Vec2, Vec3};
-use selvedge_cloth::{Obstacle, ObstaclePath, RigidKey};
+use selvedge_cloth::{Obstacle, ObstaclePath, RigidKey, bodies};
 use tempfile::TempDir;
 
 use crate::UpAxis;
@@ -117,6 +117,27 @@ fn scenes_of_other_programs_have_them_in_the_same_file() {
     let text = std::fs::read_to_string(folder.path().join("z.usda")).unwrap();
     let names = ["\"a_still_one\"", "\"obstacle_sheet_1\"", "\"bending\""];
     says(text, &names);
+}
+
+/// A round body is smooth; one with edges would be smeared, and has none: programs then take the faces'.
+#[test]
+fn round_bodies_alone_have_normals() {
+    let bodies = [bodies::sphere(0.1, 0.03), bodies::cuboid(DVec3::ONE)];
+    let tracks = bodies.into_iter().zip(["ball", "box"]).map(|(body, name)| {
+        let body = Obstacle::new(name, body.points, body.faces).unwrap();
+        ObstacleTrack::of(&body, RATE, 0, FRAMES)
+    });
+    let made = trajectory().with_obstacles(tracks.collect()).unwrap();
+    let (_folder, path) = exported(&made, ExportFormat::Glb, "x.glb", |o| o.normals = true);
+    let bytes = std::fs::read(path).unwrap();
+    let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    let json: serde_json::Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
+    for (name, has) in [("ball", true), ("box", false)] {
+        let meshes = json["meshes"].as_array().unwrap();
+        let mesh = meshes.iter().find(|mesh| mesh["name"] == name);
+        let attributes = &mesh.unwrap()["primitives"][0]["attributes"];
+        assert_eq!(attributes.get("NORMAL").is_some(), has, "{name}");
+    }
 }
 
 /// Alembic is written and not read: its bytes are those that Blender read (guides/export.md).

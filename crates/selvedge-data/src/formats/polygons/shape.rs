@@ -15,7 +15,7 @@ use super::Polygons;
 const ACROSS: f64 = 1e-3;
 
 /// The corners of a triangle in its own plane `[m]`, its first at the origin. `[eq:own-shape]`
-pub(super) fn own_shape(corners: [DVec3; 3], thread: DVec3) -> [DVec2; 3] {
+pub(crate) fn own_shape(corners: [DVec3; 3], thread: DVec3) -> [DVec2; 3] {
     let [a, b, c] = corners;
     let normal = (b - a).cross(c - a).normalize_or(DVec3::Z);
     let (u, v) = axes(normal, thread);

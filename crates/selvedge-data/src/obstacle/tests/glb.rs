@@ -5,7 +5,7 @@ use std::f64::consts::FRAC_PI_2;
 use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
 
-use super::{Desk, assert_near, at, frames};
+use super::{TestFolder, assert_near, at, frames};
 use crate::rig::glb::tests::Glb;
 use crate::test_help::{says, table};
 
@@ -50,9 +50,9 @@ const MOVING: &str = "name = \"leaf\"\nmesh = \"leaf.glb\"\nmotion = \"leaf.glb\
 
 #[test]
 fn morph_targets_add_up_by_their_weights() {
-    let desk = Desk::new();
-    desk.write("leaf.glb", morphed("LINEAR", &[0.0, 0.0, 1.0, 0.5], |_| {}));
-    let leaf = desk.read(MOVING).unwrap();
+    let dir = TestFolder::new();
+    dir.write("leaf.glb", morphed("LINEAR", &[0.0, 0.0, 1.0, 0.5], |_| {}));
+    let leaf = dir.read(MOVING).unwrap();
     let (rate, moved) = frames(&leaf);
     // The first key is the start.
     assert_eq!((rate, moved.len()), (60.0, 61));
@@ -62,26 +62,26 @@ fn morph_targets_add_up_by_their_weights() {
         assert_near(&at(&leaf, time), &expected, 1e-12);
     }
     // Standing, it has the weights of its node.
-    let still = desk.read(STILL).unwrap();
+    let still = dir.read(STILL).unwrap();
     assert_near(&at(&still, 0.0)[2..], &[DVec3::new(6.0, 1.0, 0.5)], 1e-12);
     let named = MOVING.replace(
         "motion = \"leaf.glb\"",
         "motion = { animation = \"rise\", from = 0.5 }",
     );
-    let named = desk.read(&named).unwrap();
+    let named = dir.read(&named).unwrap();
     assert_near(&at(&named, 0.0)[2..], &[DVec3::new(6.0, 1.0, 0.5)], 1e-12);
     // Level tangents: the cubic is halfway at half the time and at 5/32 at a quarter.
     let splines = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.5, 0.0, 0.0];
-    desk.write("leaf.glb", morphed("CUBICSPLINE", &splines, |_| {}));
-    let leaf = desk.read(MOVING).unwrap();
+    dir.write("leaf.glb", morphed("CUBICSPLINE", &splines, |_| {}));
+    let leaf = dir.read(MOVING).unwrap();
     assert!((at(&leaf, 0.25)[2].z - 0.15625).abs() < 1e-12);
-    desk.write("leaf.glb", morphed("STEP", &[0.0, 0.0, 1.0, 0.5], |_| {}));
-    assert_eq!(at(&desk.read(MOVING).unwrap(), 0.9)[2].z, 0.0);
+    dir.write("leaf.glb", morphed("STEP", &[0.0, 0.0, 1.0, 0.5], |_| {}));
+    assert_eq!(at(&dir.read(MOVING).unwrap(), 0.9)[2].z, 0.0);
 }
 
 #[test]
 fn sparse_accessors_are_zeros_but_for_the_elements_they_name() {
-    let desk = Desk::new();
+    let dir = TestFolder::new();
     let sparse = |place: u8| {
         let mut glb = Glb::default();
         let points = glb.floats("VEC3", 3, &TRIANGLE);
@@ -109,12 +109,12 @@ fn sparse_accessors_are_zeros_but_for_the_elements_they_name() {
             }] }],
         }))
     };
-    desk.write("leaf.glb", sparse(2));
-    let leaf = desk.read(STILL).unwrap();
+    dir.write("leaf.glb", sparse(2));
+    let leaf = dir.read(STILL).unwrap();
     let expected = [DVec3::ZERO, DVec3::X, DVec3::Z * 1.5];
     assert_near(&at(&leaf, 0.0), &expected, 1e-12);
-    desk.write("leaf.glb", sparse(3));
-    says(desk.problem(STILL), &["with an element 3 of 3"]);
+    dir.write("leaf.glb", sparse(3));
+    says(dir.problem(STILL), &["with an element 3 of 3"]);
 }
 
 /// A strip of two quads along x, split along its middle as a seam splits it, bound to an upper and
@@ -166,9 +166,9 @@ fn skinned(edit: impl Fn(&mut Value)) -> Vec<u8> {
 
 #[test]
 fn skins_go_with_their_joints_and_seams_are_closed() {
-    let desk = Desk::new();
-    desk.write("leaf.glb", skinned(|_| {}));
-    let strip = desk.read(MOVING).unwrap();
+    let dir = TestFolder::new();
+    dir.write("leaf.glb", skinned(|_| {}));
+    let strip = dir.read(MOVING).unwrap();
     assert_eq!((strip.point_count(), strip.faces().len()), (6, 4));
     for (time, share) in [(0.0, 0.0), (0.5, 0.5), (1.0, 1.0)] {
         let turn = DQuat::from_rotation_z(share * FRAC_PI_2);
@@ -189,7 +189,7 @@ fn skins_go_with_their_joints_and_seams_are_closed() {
 
 #[test]
 fn points_that_part_are_not_welded() {
-    let desk = Desk::new();
+    let dir = TestFolder::new();
     // Two triangles that share a side at the start; the second rises.
     let mut points = TRIANGLE.repeat(2);
     points[17] = 1.0;
@@ -198,14 +198,14 @@ fn points_that_part_are_not_welded() {
         rise[height] = 2.0;
     }
     let (glb, json) = leaf(&points, &[&rise], "LINEAR", &[0.0, 1.0]);
-    desk.write("leaf.glb", glb.finish(json));
-    assert_eq!(desk.read(MOVING).unwrap().point_count(), 6);
-    assert_eq!(desk.read(STILL).unwrap().point_count(), 4);
+    dir.write("leaf.glb", glb.finish(json));
+    assert_eq!(dir.read(MOVING).unwrap().point_count(), 6);
+    assert_eq!(dir.read(STILL).unwrap().point_count(), 4);
 }
 
 #[test]
 fn what_is_damaged_is_named() {
-    let desk = Desk::new();
+    let dir = TestFolder::new();
     let two = |json: &mut Value| {
         let first = json["animations"][0].clone();
         json["animations"].as_array_mut().unwrap().push(first);
@@ -243,8 +243,8 @@ fn what_is_damaged_is_named() {
     });
     let cases = others.into_iter().chain(edited);
     for (bytes, named) in cases {
-        desk.write("leaf.glb", bytes);
-        let problem = desk.problem(MOVING);
+        dir.write("leaf.glb", bytes);
+        let problem = dir.problem(MOVING);
         assert!(problem.starts_with("obstacles[\"leaf\"]"), "{problem}");
         says(problem, &["leaf.glb", named]);
     }

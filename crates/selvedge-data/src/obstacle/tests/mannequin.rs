@@ -4,7 +4,7 @@ use glam::DVec3;
 use selvedge_cloth::{Obstacle, Topology};
 use selvedge_contact::{Candidates, CollisionMesh, Intersection};
 
-use super::{Desk, at};
+use super::{TestFolder, at};
 use crate::test_help::says;
 
 const ANIMATIONS: [&str; 6] = [
@@ -19,7 +19,7 @@ const ANIMATIONS: [&str; 6] = [
 fn doing(animation: &str) -> Obstacle {
     let text =
         format!("name = \"m\"\nmesh = \"mannequin\"\nmotion = {{ animation = \"{animation}\" }}");
-    Desk::new().read(&text).unwrap()
+    TestFolder::new().read(&text).unwrap()
 }
 
 /// Pairs of faces without a common point that meet.
@@ -64,7 +64,7 @@ fn it_stands_on_the_ground_and_is_clear_of_itself_in_all_that_it_does() {
 fn what_it_does_is_chosen_by_name() {
     let problem = |motion: &str| {
         let text = format!("name = \"m\"\nmesh = \"mannequin\"\nmotion = {motion}");
-        Desk::new().problem(&text)
+        TestFolder::new().problem(&text)
     };
     let flying = problem("{ animation = \"fly\" }");
     says(flying, &["no animation called \"fly\"; there are [stand"]);

@@ -15,9 +15,9 @@ use super::*;
 use crate::test_help::{says, table};
 
 /// A folder with files, in which obstacles are read.
-struct Desk(TempDir);
+struct TestFolder(TempDir);
 
-impl Desk {
+impl TestFolder {
     fn new() -> Self {
         Self(tempfile::tempdir().unwrap())
     }
@@ -65,55 +65,55 @@ fn assert_near(found: &[DVec3], expected: &[DVec3], bound: f64) {
 
 #[test]
 fn simple_bodies_are_placed() {
-    let desk = Desk::new();
+    let dir = TestFolder::new();
     let ball = "name = \"ball\"\nsphere = { radius = 0.3 }\nfriction = 0.2\nthickness = 0.002\n\
         transform = { scale = 2, translation = [1, 2, 3] }";
-    let ball = desk.read(ball).unwrap();
+    let ball = dir.read(ball).unwrap();
     let centre = DVec3::new(1.0, 2.0, 3.0);
     let is_on = |p: DVec3| (p.distance(centre) - 0.6).abs() < 1e-14;
     assert!(ball.positions_at(0.0).all(is_on));
     assert_eq!((ball.friction(), ball.thickness()), (0.2, Some(0.002)));
     assert!(ball.is_still());
 
-    let wall = desk.read("name = \"w\"\nplane = { normal = [2, 0, 0], height = 0.5, size = 3 }");
+    let wall = dir.read("name = \"w\"\nplane = { normal = [2, 0, 0], height = 0.5, size = 3 }");
     let wall = wall.unwrap();
     assert!(wall.positions_at(0.0).all(|p| (p.x - 0.5).abs() < 1e-15));
     assert!((at(&wall, 0.0)[0].distance(at(&wall, 0.0)[1]) - 3.0).abs() < 1e-15);
     assert_eq!(wall.friction(), f64::INFINITY);
 
-    let cube = desk.read("name = \"b\"\nbox = { size = [1, 2, 3] }");
+    let cube = dir.read("name = \"b\"\nbox = { size = [1, 2, 3] }");
     let cube = cube.unwrap();
     assert_eq!((cube.point_count(), cube.faces().len()), (8, 12));
     let capsule = "name = \"c\"\ncapsule = { radius = 0.1, length = 0.4 }";
-    let capsule = desk.read(capsule).unwrap();
+    let capsule = dir.read(capsule).unwrap();
     let tallest = capsule.positions_at(0.0).map(|p| p.y).fold(0.0, f64::max);
     assert!((tallest - 0.3).abs() < 1e-15);
 }
 
 #[test]
 fn meshes_are_cut_into_triangles_and_keep_their_numbers() {
-    let desk = Desk::new();
+    let dir = TestFolder::new();
     // A point without a face stays, so that motions by number fit.
     let step = "v 9 9 9\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 2 3 4 5\n";
-    desk.write("step.obj", step);
+    dir.write("step.obj", step);
     let text = "name = \"s\"\nmesh = \"step.obj\"";
-    let step = desk.read(text).unwrap();
+    let step = dir.read(text).unwrap();
     assert_eq!((step.point_count(), step.faces().len()), (5, 2));
     assert!(step.faces().as_flattened().iter().all(|&p| p > 0));
-    let spec = desk.spec(text).unwrap();
+    let spec = dir.spec(text).unwrap();
     assert_eq!(spec.files(Path::new("a")), [Path::new("a/step.obj")]);
 }
 
 #[test]
 fn faces_without_area_are_left_out_and_crooked_ones_are_cut() {
-    let desk = Desk::new();
+    let dir = TestFolder::new();
     // A tetrahedron with a sliver along an edge, a corner twice, and a bow tie beside it.
-    desk.write(
+    dir.write(
         "b.obj",
         "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 0.5 0 0\nv 3 0 0\nv 4 1 0\nv 4 0 0\nv 3 1 0\n\
         f 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\nf 1 5 2\nf 1 1 2\nf 6 7 8 9\n",
     );
-    let (made, warnings) = desk.warned("name = \"b\"\nmesh = \"b.obj\"").unwrap();
+    let (made, warnings) = dir.warned("name = \"b\"\nmesh = \"b.obj\"").unwrap();
     assert_eq!((made.point_count(), made.faces().len()), (9, 6));
     let left_out = "2 of 8 faces have no area at the start and are left out";
     assert_eq!(warnings, [format!("obstacles[\"b\"].mesh: {left_out}")]);
@@ -121,11 +121,11 @@ fn faces_without_area_are_left_out_and_crooked_ones_are_cut() {
 
 #[test]
 fn what_is_wrong_is_named_with_the_obstacle() {
-    let desk = Desk::new();
-    desk.write("flat.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n");
-    desk.write("far.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n");
-    desk.write("nan.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
-    desk.write("empty.obj", "v 0 0 0\n");
+    let dir = TestFolder::new();
+    dir.write("flat.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n");
+    dir.write("far.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n");
+    dir.write("nan.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    dir.write("empty.obj", "v 0 0 0\n");
     let cases = r#"
         name = ""\nsphere = { radius = 1 } | name: is empty
         name = "a" | obstacles["a"].body: must be one of plane
@@ -149,11 +149,11 @@ fn what_is_wrong_is_named_with_the_obstacle() {
         name = "a"\nsphere = { radius = 1 }\nmotion = { file = "empty.obj" } | motion: points of a file move a mesh
     "#;
     for [text, named] in table(cases) {
-        says(desk.problem(text), &[named]);
+        says(dir.problem(text), &[named]);
     }
-    let spec = desk.spec("name = \"a\"\nmesh = \"far.obj\"").unwrap();
-    desk.write("far.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
-    let error = spec.build(desk.0.path(), 60.0, &mut Vec::new());
+    let spec = dir.spec("name = \"a\"\nmesh = \"far.obj\"").unwrap();
+    dir.write("far.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    let error = spec.build(dir.0.path(), 60.0, &mut Vec::new());
     says(error.unwrap_err(), &["far.obj has changed since"]);
 }
 

@@ -3,7 +3,7 @@
 use glam::{DQuat, DVec3};
 use selvedge_cloth::ObstaclePath;
 
-use super::{Desk, assert_near, at, frames};
+use super::{TestFolder, assert_near, at, frames};
 use crate::formats::npz::tests::{archive, floats};
 use crate::test_help::{says, table};
 
@@ -25,10 +25,10 @@ fn numbers(frames: &[Vec<DVec3>]) -> Vec<f64> {
 
 #[test]
 fn keyframes_move_a_body_smoothly_and_then_it_rests() {
-    let desk = Desk::new();
+    let dir = TestFolder::new();
     let text = "name = \"b\"\nbox = { size = [1, 1, 1] }\ntransform = { translation = [0, 1, 0] }\n\
         motion = { keyframes = [{ time = 1.0, translation = [2, 0, 0], rotation_deg = 90 }] }";
-    let cube = desk.read(text).unwrap();
+    let cube = dir.read(text).unwrap();
     let start = at(&cube, 0.0);
     // Halfway in time is halfway; at a quarter the cubic is at 5/32.
     for (time, share) in [(0.5, 0.5), (0.25, 0.15625), (1.0, 1.0), (7.0, 1.0)] {
@@ -40,7 +40,7 @@ fn keyframes_move_a_body_smoothly_and_then_it_rests() {
     }
     let about = "axis = [0, 0, 2], centre = [0, 0, 0], keyframes =";
     let text = text.replace("keyframes =", about);
-    let about = desk.read(&text).unwrap();
+    let about = dir.read(&text).unwrap();
     let turn = DQuat::from_rotation_z(std::f64::consts::FRAC_PI_2);
     let expected: Vec<DVec3> = start.iter().map(|p| turn * *p + DVec3::X * 2.0).collect();
     assert_near(&at(&about, 1.0), &expected, 1e-12);
@@ -50,14 +50,14 @@ fn keyframes_move_a_body_smoothly_and_then_it_rests() {
         }] } | }], file = "a.pc2" } | keep one
     "#;
     for [from, to, named] in table(cases) {
-        says(desk.problem(&text.replace(from, to)), &[named]);
+        says(dir.problem(&text.replace(from, to)), &[named]);
     }
 }
 
 #[test]
 fn a_sequence_a_cache_and_an_archive_move_points_alike() {
-    let desk = Desk::new();
-    desk.write("t.obj", TRIANGLE);
+    let dir = TestFolder::new();
+    dir.write("t.obj", TRIANGLE);
     let expected = [raised(0.0), raised(0.5), raised(2.0)];
     let mut cache = b"POINTCACHE2\0".to_vec();
     cache.extend([1_i32, 3].iter().flat_map(|n| n.to_le_bytes()));
@@ -65,19 +65,19 @@ fn a_sequence_a_cache_and_an_archive_move_points_alike() {
     cache.extend(3_i32.to_le_bytes());
     let singles = numbers(&expected).into_iter().map(|n| n as f32);
     cache.extend(singles.flat_map(f32::to_le_bytes));
-    desk.write("t.pc2", &cache);
+    dir.write("t.pc2", &cache);
     let points = floats("(3, 3, 3)", &numbers(&expected));
-    desk.write("t.npz", archive(&[("points", points.clone())]));
+    dir.write("t.npz", archive(&[("points", points.clone())]));
     let rate = floats("(1,)", &[24.0]);
     let rated = archive(&[("positions", points), ("fps", rate)]);
-    desk.write("rated.npz", rated);
+    dir.write("rated.npz", rated);
     for (number, frame) in expected.iter().enumerate() {
         let lines = frame.iter().map(|p| format!("v {} {} {}\n", p.x, p.y, p.z));
-        desk.write(&format!("t-{number:03}.obj"), lines.collect::<String>());
+        dir.write(&format!("t-{number:03}.obj"), lines.collect::<String>());
     }
     let moving = |motion: &str| {
         let text = format!("name = \"t\"\nmesh = \"t.obj\"\nmotion = {motion}");
-        desk.read(&text).unwrap()
+        dir.read(&text).unwrap()
     };
     for (motion, rate) in [
         ("\"t-{frame:03}.obj\"", 60.0),
@@ -103,10 +103,10 @@ fn a_sequence_a_cache_and_an_archive_move_points_alike() {
 
 #[test]
 fn motions_that_do_not_fit_are_named() {
-    let desk = Desk::new();
-    desk.write("t.obj", TRIANGLE);
-    desk.write("t0.obj", TRIANGLE);
-    desk.write("t1.obj", "v 0 0 0\nv 1 0 0\n");
+    let dir = TestFolder::new();
+    dir.write("t.obj", TRIANGLE);
+    dir.write("t0.obj", TRIANGLE);
+    dir.write("t1.obj", "v 0 0 0\nv 1 0 0\n");
     let mut wild = numbers(&[raised(0.0)]);
     wild[4] = f64::INFINITY;
     for (name, shape, values) in [
@@ -114,11 +114,11 @@ fn motions_that_do_not_fit_are_named() {
         ("wild.npz", "(1, 3, 3)", &wild),
         ("flat.npz", "(1, 3, 3)", &[0.5; 9]),
     ] {
-        desk.write(name, archive(&[("positions", floats(shape, values))]));
+        dir.write(name, archive(&[("positions", floats(shape, values))]));
     }
-    desk.write("short.pc2", b"POINTCACHE2\0");
-    desk.write("x.fbx", b"");
-    desk.write("leaf.usda", STAGE);
+    dir.write("short.pc2", b"POINTCACHE2\0");
+    dir.write("x.fbx", b"");
+    dir.write("leaf.usda", STAGE);
     let cases = r#"
         "t{frame}.obj" | motion: t1.obj has 2 points, but t0.obj has 3
         "u{frame}.obj" | u1.obj could not be read
@@ -140,7 +140,7 @@ fn motions_that_do_not_fit_are_named() {
     "#;
     for [motion, named] in table(cases) {
         let text = format!("name = \"t\"\nmesh = \"t.obj\"\nmotion = {motion}");
-        let problem = desk.problem(&text);
+        let problem = dir.problem(&text);
         assert!(problem.starts_with("obstacle"), "{problem}");
         says(problem, &[named]);
     }
@@ -157,28 +157,28 @@ const STAGE: &str = "#usda 1.0\n(\n    metersPerUnit = 1\n    upAxis = \"Y\"\n  
 
 #[test]
 fn samples_of_a_stage_move_points_with_their_prims() {
-    let desk = Desk::new();
-    desk.write("leaf.usda", STAGE);
+    let dir = TestFolder::new();
+    dir.write("leaf.usda", STAGE);
     let text = "name = \"leaf\"\nmesh = \"leaf.usda\"\nmotion = \"leaf.usda\"";
-    let leaf = desk.read(text).unwrap();
+    let leaf = dir.read(text).unwrap();
     let (rate, made) = frames(&leaf);
     assert_eq!((rate, made.len()), (60.0, 61));
     for (time, height) in [(0.0, 0.0), (0.25, 1.0), (0.5, 2.0), (1.0, 2.0)] {
         let expected = moved(&raised(height), DVec3::X * time);
         assert_near(&at(&leaf, time), &expected, 1e-12);
     }
-    let still = desk.read("name = \"leaf\"\nmesh = \"leaf.usda\"").unwrap();
+    let still = dir.read("name = \"leaf\"\nmesh = \"leaf.usda\"").unwrap();
     assert!(still.is_still());
-    desk.write("leaf.usda", STAGE.replace("(1, 0, 2), ", ""));
-    let problem = desk.problem(text);
+    dir.write("leaf.usda", STAGE.replace("(1, 0, 2), ", ""));
+    let problem = dir.problem(text);
     says(&problem, &["2 points at time code 12 and 3 at the first"]);
-    desk.write("leaf.usda", STAGE.replace("12: [", "0: ["));
-    says(desk.problem(text), &["times that do not ascend"]);
+    dir.write("leaf.usda", STAGE.replace("12: [", "0: ["));
+    says(dir.problem(text), &["times that do not ascend"]);
 }
 
 #[test]
 fn what_follows_a_node_that_begins_later_than_its_file_rests_until_then() {
-    let desk = Desk::new();
+    let dir = TestFolder::new();
     let late = STAGE.split_once("def ").unwrap().1;
     let late = late
         .replace("24: (1", "48: (1")
@@ -191,16 +191,16 @@ fn what_follows_a_node_that_begins_later_than_its_file_rests_until_then() {
     let begun = alone.replacen("(\n", "(\n    startTimeCode = 0\n", 1);
     let ball = "name = \"b\"\nsphere = { radius = 0.2 }\nmotion = { file = \"leaf.usda\", node = \"late\" }";
     for (stage, wait) in [(&both, 1.0), (&begun, 1.0), (&alone, 0.0)] {
-        desk.write("leaf.usda", stage);
-        let ball = desk.read(ball).unwrap();
+        dir.write("leaf.usda", stage);
+        let ball = dir.read(ball).unwrap();
         assert!(matches!(ball.path(), ObstaclePath::Rigid(_)));
         let rest = at(&ball, 0.0);
         assert_near(&at(&ball, wait), &rest, 1e-12);
         let expected = moved(&rest, DVec3::X * 0.5);
         assert_near(&at(&ball, wait + 0.5), &expected, 1e-12);
     }
-    desk.write("leaf.usda", begun);
-    let leaf = desk.read("name = \"leaf\"\nmesh = \"leaf.usda\"\nmotion = \"leaf.usda\"");
+    dir.write("leaf.usda", begun);
+    let leaf = dir.read("name = \"leaf\"\nmesh = \"leaf.usda\"\nmotion = \"leaf.usda\"");
     let leaf = leaf.unwrap();
     assert_near(&at(&leaf, 1.0), &raised(0.0), 1e-12);
     let placed = moved(&raised(1.0), DVec3::X * 0.25);

@@ -1,6 +1,6 @@
 //! What of a USD stage is a body, and what is said of the rest.
 
-use super::{Desk, at};
+use super::{TestFolder, at};
 use crate::test_help::{says, table};
 
 /// A prim of a triangle; `with` is in its brackets, `meta` in its parentheses.
@@ -19,17 +19,17 @@ fn around(inner: &str, first: &str, with: &str) -> String {
 }
 
 /// Points of the body in these prims, and the warnings.
-fn read(desk: &Desk, prims: &str) -> Result<(usize, Vec<String>), String> {
+fn read(dir: &TestFolder, prims: &str) -> Result<(usize, Vec<String>), String> {
     let stage = format!("#usda 1.0\n(\n    metersPerUnit = 1\n)\n{prims}");
-    desk.write("leaf.usda", stage);
-    let (made, warnings) = desk.warned("name = \"leaf\"\nmesh = \"leaf.usda\"")?;
+    dir.write("leaf.usda", stage);
+    let (made, warnings) = dir.warned("name = \"leaf\"\nmesh = \"leaf.usda\"")?;
     Ok((made.point_count(), warnings))
 }
 
 /// Checks that these prims make one triangle, with one warning of these words, or none of none.
 #[track_caller]
 fn warns(prims: &str, words: &[&str]) {
-    let (points, warnings) = read(&Desk::new(), prims).unwrap();
+    let (points, warnings) = read(&TestFolder::new(), prims).unwrap();
     let expected = usize::from(!words.is_empty());
     assert_eq!(
         (points, warnings.len()),
@@ -42,7 +42,7 @@ fn warns(prims: &str, words: &[&str]) {
 /// Checks that there is no body in these prims, and that the error has these words.
 #[track_caller]
 fn refuses(prims: &str, words: &[&str]) {
-    says(read(&Desk::new(), prims).unwrap_err(), words);
+    says(read(&TestFolder::new(), prims).unwrap_err(), words);
 }
 
 #[test]
@@ -102,7 +102,7 @@ fn what_comes_from_elsewhere_is_an_error_that_names_it() {
         let inactive = other.replace(meta, &format!("{meta}\nactive = false"));
         let material = other.replace("Xform", "Material");
         for stage in [unseen, inactive, material] {
-            let found = read(&Desk::new(), &format!("{leaf}{stage}")).unwrap();
+            let found = read(&TestFolder::new(), &format!("{leaf}{stage}")).unwrap();
             assert_eq!(found.0, 3, "{stage}");
         }
     }
@@ -113,7 +113,7 @@ fn what_comes_from_elsewhere_is_an_error_that_names_it() {
 
 #[test]
 fn instances_within_the_file_are_bodies_of_their_own() {
-    let desk = Desk::new();
+    let dir = TestFolder::new();
     let twig = around(&prim("leaf", "", ""), "def Xform \"twig\"", "");
     let original = around(&twig, "over \"Flattened_Prototype_1\"", "");
     let instance = |name: &str, x: f64, path: &str| {
@@ -129,8 +129,8 @@ fn instances_within_the_file_are_bodies_of_their_own() {
     let tree = around(&two, "over \"Flattened_Prototype_2\"", "");
     let three = instance("three", 20.0, "/Flattened_Prototype_2");
     let stage = format!("#usda 1.0\n(\n    metersPerUnit = 1\n)\n{one}{three}{original}{tree}");
-    desk.write("tree.usda", stage);
-    let (xs, _) = sorted_xs(&desk, "tree.usda");
+    dir.write("tree.usda", stage);
+    let (xs, _) = sorted_xs(&dir, "tree.usda");
     assert_eq!(xs, [5.0, 5.0, 6.0, 27.0, 27.0, 28.0]);
     warns(&format!("{original}{one}"), &[]);
     // What cannot be followed: nothing there, itself, or with prims of its own.
@@ -145,9 +145,9 @@ fn instances_within_the_file_are_bodies_of_their_own() {
 }
 
 /// The places of the points of a body along x, in order, and the warnings.
-fn sorted_xs(desk: &Desk, file: &str) -> (Vec<f64>, Vec<String>) {
+fn sorted_xs(dir: &TestFolder, file: &str) -> (Vec<f64>, Vec<String>) {
     let text = format!("name = \"t\"\nmesh = \"{file}\"");
-    let (made, warnings) = desk.warned(&text).unwrap();
+    let (made, warnings) = dir.warned(&text).unwrap();
     let mut xs: Vec<f64> = at(&made, 0.0).iter().map(|p| p.x).collect();
     xs.sort_by(f64::total_cmp);
     (xs, warnings)
@@ -159,9 +159,9 @@ const CRATE: &[u8] = include_bytes!("../../../tests/fixtures/caches/instances.us
 
 #[test]
 fn a_crate_says_what_text_says() {
-    let desk = Desk::new();
-    desk.write("tree.usdc", CRATE);
-    let (xs, warnings) = sorted_xs(&desk, "tree.usdc");
+    let dir = TestFolder::new();
+    dir.write("tree.usdc", CRATE);
+    let (xs, warnings) = sorted_xs(&dir, "tree.usdc");
     assert_eq!(xs, [5.0, 5.0, 6.0, 7.0, 7.0, 8.0]);
     let words = [
         "1 meshes are inactive",
@@ -212,7 +212,7 @@ fn cages_holes_and_empty_meshes_are_said() {
         "point3f points = (0, 0, 0)",
     );
     for empty in [empty, one] {
-        let (points, warnings) = read(&Desk::new(), &format!("{empty}{leaf}")).unwrap();
+        let (points, warnings) = read(&TestFolder::new(), &format!("{empty}{leaf}")).unwrap();
         assert_eq!(points, 3);
         let words = ["1 meshes have no points or no faces"];
         says(warnings.last().unwrap(), &words);
@@ -224,13 +224,13 @@ const MOVING: &str = "name = \"leaf\"\nmesh = \"leaf.usda\"\nmotion = \"leaf.usd
 
 #[test]
 fn a_motion_that_nobody_asks_for_is_said() {
-    let desk = Desk::new();
+    let dir = TestFolder::new();
     let moves = "double3 xformOp:translate.timeSamples = { 24: (0, 0, 0), 72: (1, 0, 0) }\n    \
         uniform token[] xformOpOrder = [\"xformOp:translate\"]";
-    let (_, warnings) = read(&desk, &prim("leaf", "", moves)).unwrap();
+    let (_, warnings) = read(&dir, &prim("leaf", "", moves)).unwrap();
     let from = "leaf.usda: it moves from 1.000 s to 3.000 s";
     says(&warnings[0], &[from, "motion = \"leaf.usda\" plays it"]);
-    assert_eq!(desk.warned(MOVING).unwrap().1, [""; 0]);
+    assert_eq!(dir.warned(MOVING).unwrap().1, [""; 0]);
 }
 
 #[test]
@@ -245,10 +245,10 @@ fn skeletons_blend_shapes_and_shapes_are_warned_of() {
         let said = "skeleton or blend shapes, which are not read";
         warns(&bound, &[said, "\"leaf\""]);
         // A motion that it would give says the same.
-        let desk = Desk::new();
-        read(&desk, &bound).unwrap();
+        let dir = TestFolder::new();
+        read(&dir, &bound).unwrap();
         let words = ["nothing in it moves", "skeleton or blend shapes"];
-        says(desk.problem(MOVING), &words);
+        says(dir.problem(MOVING), &words);
     }
     let ball = "def Sphere \"ball\"\n{\n    double radius = 1\n}\n";
     let words = ["shapes without a mesh", "\"ball\""];

@@ -43,14 +43,14 @@ const FELT: &str = r#"{"density": 0.2,
     "stretching": [[1,2,3,4],[5,6,7,8],[9,10,11,12],[13,14,15,16],[17,18,19,20],[21,22,23,-24]],
     "bending": [[1e-6,2e-6,3e-6,4e-6,5e-6],[1e-6,2e-6,3e-6,4e-6,5e-6],[1e-6,2e-6,3e-6,4e-6,6e-6]]}"#;
 
-struct Desk(TempDir);
+struct TestFolder(TempDir);
 
-impl Desk {
+impl TestFolder {
     fn new() -> Self {
-        let desk = Self(tempfile::tempdir().unwrap());
-        desk.write("square.obj", SQUARE);
-        desk.write("felt.json", FELT);
-        desk
+        let dir = Self(tempfile::tempdir().unwrap());
+        dir.write("square.obj", SQUARE);
+        dir.write("felt.json", FELT);
+        dir
     }
 
     fn write(&self, name: &str, text: &str) -> PathBuf {
@@ -77,17 +77,17 @@ impl Desk {
 
 #[test]
 fn everything_of_a_scene_is_read() {
-    let desk = Desk::new();
+    let dir = TestFolder::new();
     let LoadedScene {
         spec,
         scene,
         warnings,
         files,
         ..
-    } = desk.read(SCENE).unwrap();
+    } = dir.read(SCENE).unwrap();
     assert_eq!(warnings, [""; 0]);
     let names = ["felt.json", "square.obj", "swing.json"];
-    assert_eq!(files, names.map(|name| desk.0.path().join(name)));
+    assert_eq!(files, names.map(|name| dir.0.path().join(name)));
     assert_eq!((scene.name.as_str(), scene.frame_rate), ("swing", 25.0));
     assert_eq!(spec.start, StartSpec::Mesh);
     let physics = PhysicsSettings {
@@ -109,15 +109,15 @@ fn everything_of_a_scene_is_read() {
     assert_eq!((air.gravity.y, air.wind.z), (-9.8, 1.0));
     assert_eq!((air.air_density, air.air_drag), (1.2, 0.1));
     assert_eq!(scene.handles.vertices(), [3, 2].map(VertexId));
-    assert_eq!(spec.build(desk.0.path()).unwrap(), scene);
+    assert_eq!(spec.build(dir.0.path()).unwrap(), scene);
 }
 
 #[test]
 fn a_run_starts_with_the_velocities_of_its_mesh() {
-    let desk = Desk::new();
+    let dir = TestFolder::new();
     let moving = SQUARE.replace("v 1 0 0\n", "v 1 0 0\nnv 0 0 2\n");
-    desk.write("square.obj", &moving);
-    let loaded = desk.read(SCENE).unwrap();
+    dir.write("square.obj", &moving);
+    let loaded = dir.read(SCENE).unwrap();
     // Half as large and turned by -90° about y: +z becomes -x.
     let state = loaded.state.unwrap();
     assert!(state.velocities[1].distance(DVec3::new(-1.0, 0.0, 0.0)) < 1e-15);
@@ -127,8 +127,8 @@ fn a_run_starts_with_the_velocities_of_its_mesh() {
 
 #[test]
 fn handles_go_with_their_motions_from_the_first_solve() {
-    let desk = Desk::new();
-    let scene = desk.read(SCENE).unwrap().scene;
+    let dir = TestFolder::new();
+    let scene = dir.read(SCENE).unwrap().scene;
     let path = scene.handle_path().unwrap();
     let start = scene.handles.select(scene.mesh.positions());
     let first = path.at(0.005);
@@ -153,8 +153,8 @@ fn handles_go_with_their_motions_from_the_first_solve() {
 
 #[test]
 fn handles_let_go() {
-    let desk = Desk::new();
-    let scene = desk.edited(SCENE, "70", "1.2").unwrap().scene;
+    let dir = TestFolder::new();
+    let scene = dir.edited(SCENE, "70", "1.2").unwrap().scene;
     let path = scene.handle_path().unwrap();
     for (frame, holds) in [(0, true), (29, true), (30, false)] {
         let targets = path.targets(frame, 8).unwrap();
@@ -165,10 +165,10 @@ fn handles_let_go() {
 
 #[test]
 fn what_has_no_effect_is_named() {
-    let desk = Desk::new();
+    let dir = TestFolder::new();
     // A sheet of two metres whose texture coordinates run from 0 to 1.
     let double = SQUARE.replace("v 1", "v 2").replace(" 1 0\n", " 2 0\n");
-    desk.write("double.obj", &double.replace("vt 2 0", "vt 1 0"));
+    dir.write("double.obj", &double.replace("vt 2 0", "vt 1 0"));
     let cases = r#"
         "remeshing", "sep | "sep | remeshing is not disabled
         "proximity",  |  | disable: collision has no effect
@@ -178,7 +178,7 @@ fn what_has_no_effect_is_named() {
         felt.json | materials/11oz-black-denim.json | the shipped material 11oz-black-denim
     "#;
     for [from, to, warning] in table(cases) {
-        let warnings = desk.edited(SCENE, from, to).unwrap().warnings;
+        let warnings = dir.edited(SCENE, from, to).unwrap().warnings;
         let is_told = warnings.len() == 1 && warnings[0].contains(warning);
         assert!(is_told, "{to}: {warnings:?}");
     }
@@ -188,7 +188,7 @@ fn what_has_no_effect_is_named() {
     ];
     for (part, key) in keys {
         let used = format!("{key}, \"thicken\"");
-        let edited = |text| desk.edited(text, "\"thicken\"", &used).unwrap().warnings;
+        let edited = |text| dir.edited(text, "\"thicken\"", &used).unwrap().warnings;
         assert_eq!(edited(SCENE).len(), 0);
         let text = SCENE.replace(&format!("\"{part}\""), "\"fracture\"");
         let warnings = edited(&text);
@@ -198,7 +198,7 @@ fn what_has_no_effect_is_named() {
 
 #[test]
 fn unknown_keys_and_wrong_values_are_errors_that_name_file_and_key() {
-    let desk = Desk::new();
+    let dir = TestFolder::new();
     let cases = r#"
         "gravity" | "glow": 1, "gravity" | unknown field `glow`
         "thicken" | "sheen": 1, "thicken" | cloths[0].materials[0].sheen: unknown field `sheen`
@@ -233,14 +233,14 @@ fn unknown_keys_and_wrong_values_are_errors_that_name_file_and_key() {
         [0, -9.8, 0] | -9.8 | gravity: invalid type: floating point `-9.8`
         "friction": 0.6 | "friction": 0.6, | is no JSON
     "#;
-    refuses(cases, |from, to| desk.edited(SCENE, from, to));
+    refuses(cases, |from, to| dir.edited(SCENE, from, to));
     for (from, to, named) in [
         (",4e-6,6e-6]", "]", "bending[2]: invalid length 3"),
         ("0.2", "-0.2", "density: must be between"),
     ] {
-        desk.write("felt.json", &FELT.replace(from, to));
+        dir.write("felt.json", &FELT.replace(from, to));
         let named = format!("materials[0].data: felt.json: {named}");
-        says(desk.read(SCENE).unwrap_err(), &[&named]);
+        says(dir.read(SCENE).unwrap_err(), &[&named]);
     }
 }
 
@@ -258,8 +258,8 @@ fn with_bodies() -> String {
 
 #[test]
 fn obstacles_move_with_their_motions_and_contact_has_their_numbers() {
-    let desk = Desk::new();
-    let loaded = desk.read(&with_bodies()).unwrap();
+    let dir = TestFolder::new();
+    let loaded = dir.read(&with_bodies()).unwrap();
     let scene = &loaded.scene;
     let contact = scene.contact.unwrap();
     assert_eq!((contact.thickness, contact.friction), (2e-3, 0.6));
@@ -277,11 +277,11 @@ fn obstacles_move_with_their_motions_and_contact_has_their_numbers() {
     let start: Vec<DVec3> = moving.positions_at(0.0).collect();
     assert!(start[2].distance(DVec3::new(2.0, 2.0, 0.0)) < 1e-12);
     assert_eq!(loaded.warnings, [""; 0]);
-    assert_eq!(loaded.spec.build(desk.0.path()).unwrap(), loaded.scene);
+    assert_eq!(loaded.spec.build(dir.0.path()).unwrap(), loaded.scene);
     // One that grows moves point by point.
     let moved = "\"translate\": [1, 0, 0],";
     let grows = format!("{moved} \"scale\": 3,");
-    let loaded = desk.edited(&with_bodies(), moved, &grows).unwrap();
+    let loaded = dir.edited(&with_bodies(), moved, &grows).unwrap();
     let end: Vec<DVec3> = loaded.scene.obstacles[1].positions_at(2.0).collect();
     let expected = DVec3::new(1.0, 6.0, -6.0);
     assert!(end[2].distance(expected) < 1e-12, "{}", end[2]);
@@ -289,7 +289,7 @@ fn obstacles_move_with_their_motions_and_contact_has_their_numbers() {
 
 #[test]
 fn obstacles_and_contact_that_cannot_be_read_are_named() {
-    let desk = Desk::new();
+    let dir = TestFolder::new();
     let wrong = r#"
         "square.obj", "transform": {"scale": 2} | "gone.obj" | obstacles[1].mesh: must be an OBJ
         "scale": 2}, "motion": 0 | "scale": 2}, "motion": 4 | obstacles[1].motion: must be one of the 1 motions
@@ -298,13 +298,13 @@ fn obstacles_and_contact_that_cannot_be_read_are_named() {
         "obs_friction": 0.2 | "obs_friction": -1 | obs_friction: must be between 0 and 100
         2e-3 | 2e3 | magic.repulsion_thickness: must be between
     "#;
-    refuses(wrong, |from, to| desk.edited(&with_bodies(), from, to));
+    refuses(wrong, |from, to| dir.edited(&with_bodies(), from, to));
     let told = r#"
         "repulsion_thickness" | "collision_stiffness": 1e6, "repulsion_thickness" | magic.collision_stiffness has no effect
         "obs_friction": 0.2 | "obs_friction": 0.9 | a pair has the lesser of two
     "#;
     for [from, to, warning] in table(told) {
-        let warnings = desk.edited(&with_bodies(), from, to).unwrap().warnings;
+        let warnings = dir.edited(&with_bodies(), from, to).unwrap().warnings;
         let is_told = warnings.iter().any(|w| w.contains(warning));
         assert!(is_told, "{to}: {warnings:?}");
     }

@@ -34,7 +34,7 @@ pub(crate) fn served(cost: Duration, folder: PathBuf) -> Served {
     let opening = Opening {
         order: order("corners"),
         mover: Mover::Physics,
-        tape: None,
+        replay: None,
     };
     let workshop = Box::new(TestWorkshop { cost, begun: None });
     let session = start(workshop, opening, folder).unwrap();

@@ -46,7 +46,7 @@ blocks = 1
 "#;
 
 /// A folder that is gone after the test, and the program running in it.
-pub(crate) struct Desk {
+pub(crate) struct TestFolder {
     folder: TempDir,
 }
 
@@ -57,18 +57,18 @@ pub(crate) struct Said {
     pub(crate) err: String,
 }
 
-impl Desk {
+impl TestFolder {
     pub(crate) fn new() -> Self {
         Self {
             folder: tempfile::tempdir().unwrap(),
         }
     }
 
-    /// A desk with [`PUSH`] in `push.toml`.
+    /// A folder with [`PUSH`] in `push.toml`.
     pub(crate) fn with_push() -> Self {
-        let desk = Self::new();
-        desk.write("push.toml", PUSH);
-        desk
+        let dir = Self::new();
+        dir.write("push.toml", PUSH);
+        dir
     }
 
     pub(crate) fn path(&self, name: &str) -> PathBuf {

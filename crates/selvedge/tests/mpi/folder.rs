@@ -4,7 +4,7 @@ use std::process::{Command, Output, Stdio};
 
 use serde_json::Value;
 
-pub(crate) use crate::common::Desk;
+pub(crate) use crate::common::TestFolder;
 
 /// A small network, four samples a step.
 pub(crate) fn training() -> String {
@@ -24,11 +24,11 @@ const OPEN_MPI: [(&str, &str); 4] = [
     ("OMPI_MCA_btl_vader_single_copy_mechanism", "none"),
 ];
 
-fn mpirun(desk: &Desk, words: &[String]) -> Command {
+fn mpirun(dir: &TestFolder, words: &[String]) -> Command {
     let mut mpirun = Command::new("mpirun");
     mpirun
         .args(words)
-        .current_dir(desk.path(""))
+        .current_dir(dir.path(""))
         .env("SELVEDGE_CACHE", "off")
         .envs(OPEN_MPI)
         .stdin(Stdio::null());
@@ -63,7 +63,7 @@ pub(crate) trait OnRanks {
     }
 }
 
-impl OnRanks for Desk {
+impl OnRanks for TestFolder {
     fn on(&self, ranks: usize, arguments: &str) -> Command {
         let mut one = self.command(arguments);
         if ranks > 1 {
