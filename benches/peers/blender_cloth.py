@@ -92,6 +92,7 @@ def prepare(scene: common.Scene, substeps: int, frames: int) -> common.Frame:
     points = np.empty(scene.positions.size, dtype=np.float32)
 
     def frame() -> np.ndarray:
+        world.gravity = (0.0, 0.0, -scene.gravity_at(world.frame_current))
         world.frame_set(world.frame_current + 1)
         moved = sheet.evaluated_get(bpy.context.evaluated_depsgraph_get())
         moved.data.vertices.foreach_get("co", points)

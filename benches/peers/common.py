@@ -40,6 +40,12 @@ class Scene:
     damping: float
     friction: float
     gravity: float
+    onset: float = 0.0
+
+    def gravity_at(self, frame: int) -> float:
+        """Gravity before this frame, m/s²: within `onset` s it grows from a twentieth."""
+        rest = 1 - (frame - 0.5) / self.rate / self.onset if self.onset > 0 else 0.0
+        return self.gravity * 0.05 ** max(rest, 0.0)
 
     @property
     def edges(self) -> np.ndarray:

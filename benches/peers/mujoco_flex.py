@@ -43,6 +43,8 @@ def prepare(scene: common.Scene, substeps: int, frames: int) -> common.Frame:
     mujoco.mj_forward(sheet, data)
 
     def frame() -> np.ndarray:
+        number = round(data.time * scene.rate) + 1
+        sheet.opt.gravity[1] = -scene.gravity_at(number)
         for _ in range(substeps):
             mujoco.mj_step(sheet, data)
         return data.flexvert_xpos.copy()

@@ -61,6 +61,9 @@ export class Meters {
     const times = state.tracks.filter((track) => track.kind !== null).map((track) => track.step_ms.toFixed(1));
     element("step-ms").textContent = times.length > 0 ? `${times.join(" + ")} ms` : "–";
     this.trust(state);
+    const drapes = state.tracks.flatMap((track) => (track.drape ? [track.drape] : []));
+    element("drape-box").hidden = drapes.length === 0;
+    element("drape").textContent = drapes.map(([part, folds]) => `${part.toFixed(2)}, ${folds} folds`).join(" + ");
   }
 
   private trust(state: State): void {

@@ -94,6 +94,8 @@ export interface Track {
   kind: "model" | "physics" | null;
   step_ms: number;
   strain: number;
+  /** Drape coefficient and folds, of a drape test. */
+  drape: [number, number] | null;
   /** What moves it in the place of its mover, now and then. */
   stand_in: string | null;
   stopped: string | null;

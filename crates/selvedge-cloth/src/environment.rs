@@ -20,6 +20,8 @@ use crate::geometry::{sin_cos, unit};
 const FASTEST_WIND: f64 = 1e3;
 /// Strongest gravity `[m/s²]`.
 const STRONGEST_GRAVITY: f64 = 1e6;
+/// Part of its gravity with which an onset begins.
+const ONSET: f64 = 0.05;
 
 /// Gravity, air and wind around the cloth. Defaults: gravity (0, -9.8, 0), still air of density 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -27,6 +29,10 @@ const STRONGEST_GRAVITY: f64 = 1e6;
 pub struct Environment {
     /// Acceleration of gravity `[m/s²]`.
     pub gravity: DVec3,
+    /// Time in which gravity grows, ever faster, from a twentieth of its value `[s]`: a cloth is then
+    /// laid down rather than dropped, and folds as one that is laid. The rest pose knows none.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub onset: f64,
     /// Velocity of the wind `[m/s]`.
     pub wind: DVec3,
     /// Density of the air `[kg/m³]`: drag along a face's normal.
@@ -42,6 +48,7 @@ impl Default for Environment {
     fn default() -> Self {
         Self {
             gravity: DVec3::new(0.0, -9.8, 0.0),
+            onset: 0.0,
             wind: DVec3::ZERO,
             air_density: 1.0,
             air_drag: 0.0,
@@ -50,20 +57,27 @@ impl Default for Environment {
     }
 }
 
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks for it")]
+fn is_zero(seconds: &f64) -> bool {
+    *seconds == 0.0
+}
+
 impl Environment {
     /// The environment during the step from `frame` to the next, at `frame_rate` frames per
     /// second: its wind is constant, wind + gust at the middle of the step. Held over a step, so
     /// that who sees a frame knows the air that acts until the next.
     #[must_use]
     pub fn during_step(&self, frame: usize, frame_rate: f64) -> Self {
-        match self.gust {
-            None => *self,
-            Some(gust) => Self {
-                wind: self.wind + gust.velocity((frame as f64 + 0.5) / frame_rate),
-                gust: None,
-                ..*self
-            },
+        let time = (frame as f64 + 0.5) / frame_rate;
+        let mut now = *self;
+        if let Some(gust) = now.gust.take() {
+            now.wind += gust.velocity(time);
         }
+        if time < self.onset {
+            now.gravity *= libm::pow(ONSET, 1.0 - time / self.onset);
+        }
+        now.onset = 0.0;
+        now
     }
 
     /// Checks that every value is finite and within reason, no density negative, and a gust's
@@ -80,6 +94,7 @@ impl Environment {
         let expected = "finite, of at most 1000 m/s";
         require(holds, "environment.wind", expected, self.wind)?;
         for (field, value) in [
+            ("environment.onset", self.onset),
             ("environment.air_density", self.air_density),
             ("environment.air_drag", self.air_drag),
         ] {
@@ -153,6 +168,7 @@ mod tests {
             "gravity = [0, nan, 0] | environment.gravity
              gravity = [1e7, 0, 0] | environment.gravity
              gravty = [0, 0, 0] | gravty
+             onset = -1 | environment.onset
              wind = [inf, 0, 0] | environment.wind
              wind = [-1001, 0, 0] | environment.wind
              air_density = -1.0 | environment.air_density
@@ -163,6 +179,18 @@ mod tests {
              gust = { speed = [1, 0, 0], period = 0, seed = 1 } | environment.gust.period
              gust = { speed = [1, 0, 0], period = nan, seed = 1 } | environment.gust.period",
         );
+    }
+
+    #[test]
+    fn gravity_grows_in_its_onset() {
+        let laid = Environment {
+            onset: 2.0,
+            ..Environment::default()
+        };
+        let down = |frame| -laid.during_step(frame, 60.0).gravity.y;
+        assert!((down(0) / 9.8 - 0.05).abs() < 1e-3, "{}", down(0));
+        assert!((1..120).all(|frame| down(frame) > down(frame - 1)));
+        assert!(down(119) < 9.8 && down(120) == 9.8 && down(1000) == 9.8);
     }
 
     #[test]

@@ -15,6 +15,10 @@ pub struct PhysicsSettings {
     pub handles: HandleConstraint,
     /// Elastic law: what a material's tables of stretching and bending mean.
     pub law: ElasticLaw,
+    /// True for hinges whose stiffness is evened out over the mesh: a cloth of irregular triangles
+    /// then bends alike in every direction and along its border. Not as ARCSim.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub even_bending: bool,
     /// Law of the air within a substep.
     pub air: AirLaw,
     /// Formula of a substep, and the accuracy to which its equations are solved.
@@ -190,6 +194,7 @@ impl Default for PhysicsSettings {
             substeps: 2,
             handles: HandleConstraint::default(),
             law: ElasticLaw::default(),
+            even_bending: false,
             air: AirLaw::default(),
             integrator: Integrator::default(),
             least_damping: None,
@@ -234,6 +239,7 @@ impl PhysicsSettings {
                 substeps: 4,
                 handles: HandleConstraint::Spring,
                 law: ElasticLaw::Arcsim,
+                even_bending: false,
                 air: AirLaw::Explicit,
                 integrator: Integrator::Linearised,
                 least_damping: Some(0.0),

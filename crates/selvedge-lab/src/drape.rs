@@ -21,8 +21,9 @@ use serde::Serialize;
 use crate::event::{End, Event, OnEvent, Reporter};
 use crate::workers;
 
-/// Mean speed below which a cloth has come to rest `[m/s]`, and the frames before anyone looks.
-const STILL: (f64, usize) = (2e-3, 60);
+/// Mean speed below which a cloth has come to rest `[m/s]`, and how long after all of gravity acts
+/// anyone looks `[s]`.
+const STILL: (f64, f64) = (2e-3, 0.5);
 /// Gravity by which bending lengths are meant `[m/s²]`.
 const GRAVITY: f64 = 9.8;
 
@@ -162,8 +163,9 @@ pub fn drape(material: &Material, vertices: usize, seed: u64) -> Result<Drape> {
     for frame in 0..scene.frame_count()? {
         let step = simulator.step(&targets);
         step.with_context(|| format!("a drape of {}", material.name))?;
+        let laid = (scene.environment.onset + STILL.1) * scene.frame_rate;
         let is_still = 2.0 * simulator.kinetic_energy() < mass * STILL.0.powi(2);
-        if frame > STILL.1 && is_still {
+        if frame as f64 > laid && is_still {
             break;
         }
     }
@@ -244,12 +246,15 @@ pub struct Fitted {
 }
 
 /// Bending stiffness along u, bias and v over the mass `[m³/s²]` of a limp and of a stiff fabric,
-/// and shear stiffness `[N/m]`.
+/// and stiffness of its threads against stretching `[N/m]`.
 const BENDING: [f64; 2] = [2e-6, 2e-3];
-const SHEAR: [f64; 2] = [10.0, 1000.0];
-/// Stiffness of threads against stretching `[N/m]`: in a drape they hardly stretch.
-const STRETCH: f64 = 1000.0;
-/// Ways in which a fabric is changed: bending as a whole, between u and v, along the bias, shear.
+const STRETCH: [f64; 2] = [30.0, 3000.0];
+/// Shear stiffness over that of the threads.
+const SHEAR: f64 = 0.1;
+/// The drape coefficient rises about so much where bending stiffness becomes e times as large.
+const RISE: f64 = 0.12;
+/// Ways in which a fabric is changed: bending as a whole, between u and v, along the bias, and in its
+/// plane.
 const WAYS: [[f64; 4]; 4] = [
     [1.0, 1.0, 1.0, 0.0],
     [1.0, 0.0, -1.0, 0.0],
@@ -257,11 +262,11 @@ const WAYS: [[f64; 4]; 4] = [
     [0.0, 0.0, 0.0, 1.0],
 ];
 /// Factor of the first changes and, of the last, the least.
-const FACTORS: [f64; 2] = [2.5, 1.1];
+const FACTORS: [f64; 2] = [1.8, 1.1];
 
-/// Fits a fabric to measured drapes by a compass search (Kolda, Lewis and Torczon 2003): the
-/// logarithms of four stiffnesses are changed along four ways in turn, and the changes become
-/// smaller where none helps. The seeds are the same in all tries.
+/// Fits a fabric to measured drapes: bending as a whole until the coefficient is right, then a compass
+/// search (Kolda, Lewis and Torczon 2003): the logarithms of four stiffnesses are changed along four
+/// ways in turn, and the changes become smaller where none helps. The seeds are the same in all tries.
 ///
 /// # Errors
 /// A table that cannot be read, a fabric or specimen that is not in it, a drape that fails.
@@ -295,6 +300,15 @@ pub fn fit(order: &FitOrder<'_>, on_event: &mut OnEvent<'_>) -> Result<Fitted> {
     let Some(mut best) = look(at)? else {
         bail!("interrupted before the first fabric was draped");
     };
+    loop {
+        let off = fitted.coefficient[0] - best.1.coefficient[0];
+        let mut next = std::array::from_fn(|k| at[k] + off / RISE * WAYS[0][k]);
+        clamp(&mut next);
+        match look(next)? {
+            Some(found) if found.0 < best.0 => (at, best) = (next, found),
+            _ => break,
+        }
+    }
     let mut step = FACTORS[0].ln();
     'search: while step >= FACTORS[1].ln() {
         let mut is_better = false;
@@ -337,22 +351,24 @@ pub fn fit(order: &FitOrder<'_>, on_event: &mut OnEvent<'_>) -> Result<Fitted> {
 
 /// Logarithms to begin with: an isotropic sheet of about this drape coefficient.
 fn start(coefficient: f64) -> [f64; 4] {
-    let bending = 1e-5_f64.ln() + 3.7 * (coefficient - 0.35).max(0.0) / 0.5;
-    let mut logs = [bending, bending, bending, 100_f64.ln()];
+    let bending = 1e-5_f64.ln() + 6.6 * (coefficient - 0.35).max(0.0);
+    // Limp fabrics give way in their plane too.
+    let stretch = 1e3_f64.ln() - 10.0 * (0.4 - coefficient).max(0.0);
+    let mut logs = [bending, bending, bending, stretch];
     clamp(&mut logs);
     logs
 }
 
 fn clamp(logs: &mut [f64; 4]) {
     for (k, log) in logs.iter_mut().enumerate() {
-        let [low, high] = if k < 3 { BENDING } else { SHEAR };
+        let [low, high] = if k < 3 { BENDING } else { STRETCH };
         *log = log.clamp(low.ln(), high.ln());
     }
 }
 
 /// The fabric of these logarithms.
 fn fabric(order: &FitOrder<'_>, logs: [f64; 4]) -> Material {
-    let [u, bias, v, shear] = logs.map(f64::exp);
+    let [u, bias, v, stretch] = logs.map(f64::exp);
     // An edge bends the cloth across itself. Tables hold four times the stiffness of a plate, and half
     // of the stiffness in the plane.
     let bend = [v, bias, u].map(|stiffness| [4.0 * order.density * stiffness; 5]);
@@ -365,7 +381,7 @@ fn fabric(order: &FitOrder<'_>, logs: [f64; 4]) -> Material {
         ),
         density: order.density,
         damping: 0.0,
-        stretch: StretchTable([[0.5 * STRETCH, 0.0, 0.5 * STRETCH, shear]; 6]),
+        stretch: StretchTable([[0.5 * stretch, 0.0, 0.5 * stretch, SHEAR * stretch]; 6]),
         bend: BendTable(bend),
         compression: Compression::default(),
     }

@@ -283,7 +283,7 @@ impl LiveCloth {
     }
 
     pub(crate) fn tracks(&self) -> Vec<TrackState> {
-        self.all.iter().map(Driven::track).collect()
+        self.all.iter().map(|one| one.track(&self.gauge)).collect()
     }
 }
 
@@ -389,12 +389,13 @@ impl Driven {
         }
     }
 
-    fn track(&self) -> TrackState {
+    fn track(&self, gauge: &StrainGauge) -> TrackState {
         TrackState {
             name: self.name().to_owned(),
             kind: Some(self.kind),
             step_ms: self.step_ms.unwrap_or(0.0),
             strain: self.strain,
+            drape: gauge.drape(self.stepper.positions()),
             stand_in: self
                 .stood_in
                 .filter(|(_, frame)| self.reached - frame < SHOWN)

@@ -134,6 +134,7 @@ impl Player {
             kind: None,
             step_ms: 0.0,
             strain: self.gauge.largest(track.trajectory.frame(self.frame)),
+            drape: self.gauge.drape(track.trajectory.frame(self.frame)),
             stand_in: None,
             stopped: None,
         };

@@ -85,6 +85,8 @@ pub struct TrackState {
     pub step_ms: f64,
     /// The largest strain of an edge now, (l - l₀)/l₀ against the material.
     pub strain: f64,
+    /// Drape coefficient and folds now, where this is a drape test.
+    pub drape: Option<(f64, usize)>,
     /// What has moved it in the place of its mover within the last half second.
     pub stand_in: Option<&'static str>,
     /// The reason why it moves no more.

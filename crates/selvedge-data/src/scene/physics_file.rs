@@ -43,7 +43,10 @@ impl TryFrom<Value> for PhysicsFile {
 /// Returns true if what makes the mode is as in the mode.
 fn is_of_mode(settings: &PhysicsSettings, mode: PhysicsMode) -> bool {
     let whole = PhysicsSettings::in_mode(mode);
-    let formula = |of: &PhysicsSettings| (of.law, of.integrator, of.least_damping);
+    let formula = |of: &PhysicsSettings| {
+        let (law, integrator) = (of.law, of.integrator);
+        (law, of.even_bending, integrator, of.least_damping)
+    };
     let is_formula = match mode {
         PhysicsMode::Selvedge => settings.law != ElasticLaw::Arcsim,
         PhysicsMode::Arcsim => formula(settings) == formula(&whole),
@@ -91,6 +94,7 @@ mod tests {
             "physics = { mode = \"arcsim\", handles = \"exact\" }",
             "physics = { mode = \"arcsim\", law = \"measured\" }",
             "physics = { mode = \"arcsim\", air = \"implicit\" }",
+            "physics = { mode = \"arcsim\", even_bending = true }",
             "physics = { mode = \"arcsim\", integrator = { generalised-alpha = {} } }",
         ] {
             says(read(text).unwrap_err(), &["leave these keys out"]);

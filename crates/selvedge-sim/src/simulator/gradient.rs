@@ -289,6 +289,7 @@ impl Simulator {
             let active: Vec<usize> = (0..handles.len()).filter(|h| frame.holds[*h]).collect();
             let mut reached = vec![DVec3::ZERO; handles.len()];
             let count = frame.substeps.len();
+            let by_gravity = sums.gravity;
             for (number, substep) in frame.substeps.iter().enumerate().rev() {
                 let mut by_targets = vec![DVec3::ZERO; active.len()];
                 let mut pulled = Pulled {
@@ -307,6 +308,12 @@ impl Simulator {
                     let into = &mut targets[k];
                     reached[*handle] += frame.targets.pull_back(*handle, fraction, by, into);
                 }
+            }
+            // An onset scales what the scene has.
+            let [now, whole] = [frame.environment, self.scene.environment];
+            if now.gravity != whole.gravity {
+                let part = now.gravity.length() / whole.gravity.length();
+                sums.gravity = by_gravity + (sums.gravity - by_gravity) * part;
             }
             for (handle, by) in reached.into_iter().enumerate() {
                 match k.checked_sub(1) {

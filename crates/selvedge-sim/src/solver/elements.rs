@@ -213,12 +213,12 @@ fn hinges(
 ) -> Vec<Hinge> {
     let mesh = &scene.mesh;
     let (topology, pattern) = (mesh.topology(), mesh.pattern());
+    let stiffness = super::even::factors(scene);
     let interior = topology.edges().iter().enumerate();
     interior
         .filter_map(|(number, edge)| {
             let (left, right) = pattern.sides(edge);
             let (right, opposite) = (right?, edge.opposite.1?);
-            let is_seam = pattern.is_seam(edge);
             let side = |side: EdgeSide<DVec2>| {
                 let material = material_of[side.face.index()];
                 (&materials[material].bend, side)
@@ -226,7 +226,7 @@ fn hinges(
             let [one, other] = [&left, &right].map(|s| damping[material_of[s.face.index()]]);
             let element = BendElement::across([side(left), side(right)])
                 .resting_at(mesh.rest_angles().get(number).copied().unwrap_or(0.0))
-                .stiffened(if is_seam { mesh.seam_stiffness() } else { 1.0 });
+                .stiffened(stiffness[number]);
             let [from, to] = edge.vertices;
             let corners = [from.0, to.0, edge.opposite.0.0, opposite.0];
             Some(Hinge {

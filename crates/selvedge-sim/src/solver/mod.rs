@@ -1,6 +1,6 @@
 //! The linear system of a time step and its solvers.
 //!
-//! [`elements`] evaluates the laws on every face and hinge ([`faces`], [`hinges`]). [`system`] assembles and solves the
+//! [`elements`] evaluates the laws on every face and hinge ([`faces`], [`hinges`], [`even`]). [`system`] assembles and solves the
 //! equations of an implicit stage: by [`conjugate_gradients`] with the preconditioners [`gauss_seidel`], or
 //! where contact couples vertices [`woven`]; or by a complete factor ([`direct`], [`pattern`],
 //! [`ordering`], [`blocks`], [`cholesky`]).
@@ -10,6 +10,7 @@ mod cholesky;
 mod conjugate_gradients;
 mod direct;
 mod elements;
+mod even;
 mod faces;
 mod gauss_seidel;
 mod hinges;

@@ -1,11 +1,11 @@
 //! The error in space: closed forms on regular and irregular meshes of three finenesses.
+#![allow(clippy::print_stdout, reason = "the table of the book")]
 
 use std::f64::consts::FRAC_PI_2;
 
 use glam::{DVec2, DVec3, Vec2};
 use selvedge_cloth::generate::{Shape, SheetSpec, sheet};
 use selvedge_cloth::{Drape, HandleTargets, Handles, Mesh, Scene, Stepper};
-use selvedge_sim::laws::bend::BendElement;
 use selvedge_sim::{Simulator, sag};
 
 use crate::scenes::{DENIM, material};
@@ -79,58 +79,71 @@ fn regular(width: f64, height: f64, spacing: f64) -> (Vec<DVec2>, Vec<[u32; 3]>)
 }
 
 /// Energy of a sheet bent to the curvatures `along` and `across` (of a direction from u), over that
-/// of a plate without Poisson's ratio: hinges within, each for a third of its two faces.
-fn bending(mesh: &(Vec<DVec2>, Vec<[u32; 3]>), degrees: f64, along: f64, across: f64) -> f64 {
-    let flat = elastic(2e6, 0.3, 5e-4);
-    let (points, faces) = mesh;
-    let mesh = Mesh::new(
-        faces,
-        points.clone(),
-        points.iter().map(|p| p.extend(0.0)).collect(),
-    );
-    let mesh = mesh.unwrap();
+/// of a plate without Poisson's ratio.
+fn bending(
+    (points, faces): &(Vec<DVec2>, Vec<[u32; 3]>),
+    degrees: f64,
+    [along, across]: [f64; 2],
+    even: bool,
+) -> f64 {
+    // So flat that nothing stretches.
+    const FLAT: f64 = 1e-4;
+    let sheet = elastic(2e6, 0.3, 5e-4);
     let direction = DVec2::from_angle(degrees.to_radians());
-    let place = |p: DVec2| {
-        let (a, b) = (p.dot(direction), p.perp_dot(direction));
-        p.extend(0.5 * (along * a * a + across * b * b))
+    let middle = points.iter().sum::<DVec2>() / points.len() as f64;
+    let place = |p: &DVec2| {
+        let (a, b) = (
+            (*p - middle).dot(direction),
+            (*p - middle).perp_dot(direction),
+        );
+        p.extend(0.5 * FLAT * (along * a * a + across * b * b))
     };
-    let (mut energy, mut area) = (0.0, 0.0);
-    for edge in mesh.topology().edges() {
-        let Some(right) = edge.opposite.1 else {
-            continue;
-        };
-        let [from, to] = edge.vertices;
-        let corners = [from, to, edge.opposite.0, right].map(|v| points[v.index()]);
-        let element = BendElement::new(&flat.bend_table(), corners);
-        energy += element.energy(corners.map(place));
-        let half = |c: DVec2| (corners[1] - corners[0]).perp_dot(c - corners[0]).abs() / 6.0;
-        area += half(corners[2]) + half(corners[3]);
-    }
-    energy / (0.5 * flat.plate_stiffness() * (along * along + across * across) * area)
+    let positions: Vec<DVec3> = points.iter().map(place).collect();
+    let mesh = Mesh::new(faces, points.clone(), positions.clone()).unwrap();
+    let area: f64 = mesh.rest_shape(1.0).face_area.iter().sum();
+    let material = isotropic(sheet, 0.2).multiplied(1e-3, 1.0);
+    let mut scene = scene(mesh, material, &[0]);
+    scene.environment.gravity = DVec3::ZERO;
+    scene.physics.even_bending = even;
+    let still = vec![DVec3::ZERO; positions.len()];
+    let simulator = Simulator::with_state(&scene, positions, still).unwrap();
+    let plate = 0.5 * sheet.plate_stiffness() * (along * along + across * across) * FLAT * FLAT;
+    simulator.potential_energy().unwrap() / (plate * area)
+}
+
+/// Largest error of the energy over that of a plate of Poisson's ratio -1/3, and which bends it has.
+fn unevenness(mesh: &(Vec<DVec2>, Vec<[u32; 3]>), even: bool) -> (f64, Vec<f64>) {
+    let one = [0.0, 22.5, 45.0, 67.5, 90.0, 112.5].map(|degrees| (degrees, [1.0, 0.0], 1.0));
+    let two = [
+        (0.0, [1.0, 1.0], 2.0 / 3.0),
+        (0.0, [1.0, -1.0], 4.0 / 3.0),
+        (45.0, [1.0, -1.0], 4.0 / 3.0),
+    ];
+    let error = |(degrees, bends, wanted): (f64, [f64; 2], f64)| {
+        bending(mesh, degrees, bends, even) / wanted - 1.0
+    };
+    let errors: Vec<f64> = one.into_iter().chain(two).map(error).collect();
+    (errors.iter().fold(0.0, |most, e| e.abs().max(most)), errors)
 }
 
 #[test]
-fn hinges_bend_like_a_plate_of_poissons_ratio_minus_a_third_on_irregular_meshes() {
-    let flat = 1e-3;
+fn irregular_hinges_bend_like_a_plate_of_poissons_ratio_minus_a_third() {
     for spacing in SPACINGS {
-        let mesh = irregular(0.3, 0.3, spacing, 1);
-        for degrees in [0.0, 22.5, 45.0, 67.5, 90.0] {
-            let found = bending(&mesh, degrees, flat, 0.0);
-            assert!(
-                (found - 1.0).abs() < 0.12,
-                "{spacing} m, {degrees}°: {found}"
-            );
+        for seed in 1..=3 {
+            let mesh = irregular(0.3, 0.3, spacing, seed);
+            let (plain, plain_errors) = unevenness(&mesh, false);
+            let (even, even_errors) = unevenness(&mesh, true);
+            println!("{spacing} {seed} plain {plain:.3} {plain_errors:.3?}");
+            println!("{spacing} {seed} even {even:.3} {even_errors:.3?}");
+            assert!(plain < 0.12 && even < 0.055, "{spacing} m: {plain} {even}");
         }
-        // One curvature in all directions, and two opposite ones.
-        let [bowl, saddle] = [flat, -flat].map(|across| bending(&mesh, 0.0, flat, across));
-        assert!((bowl - 2.0 / 3.0).abs() < 0.08, "{spacing} m: {bowl}");
-        assert!((saddle - 4.0 / 3.0).abs() < 0.12, "{spacing} m: {saddle}");
     }
     // On squares whose diagonals alternate they depend on the direction.
     let squares = regular(0.3, 0.3, 0.01);
-    let [straight, diagonal] = [0.0, 45.0].map(|degrees| bending(&squares, degrees, flat, 0.0));
-    assert!((straight - 1.0).abs() < 0.05, "{straight}");
-    assert!((diagonal - 1.5).abs() < 0.05, "{diagonal}");
+    for (degrees, wanted) in [(0.0, 0.97), (45.0, 1.47)] {
+        let found = bending(&squares, degrees, [1.0, 0.0], false);
+        assert!((found - wanted).abs() < 0.03, "{degrees}: {found}");
+    }
 }
 
 /// Tip of a cantilever of length 1 under its weight, whose bending length is `c`: how far out and
@@ -194,23 +207,27 @@ fn the_elastica_has_the_bending_length_of_the_standard() {
     assert!((c - 0.5).abs() < 0.01, "{c}");
 }
 
-/// Error of the bending length that a strip of 50 by 100 mm shows at about 41.5°, in parts of it.
+/// Error of the bending length that an overhang of 100 mm, 200 mm wide, shows at about 41.5°, in
+/// parts of it. So wide, it bends as a plate, whatever its Poisson's ratio.
 fn cantilever(half: (Vec<DVec2>, Vec<[u32; 3]>)) -> f64 {
-    let (overhang, density) = (0.1, 0.2);
-    // A narrow strip bends as a beam: E h³/12.
-    let sheet = elastic(2e8, 0.3, 2e-4);
-    let beam = sheet.plate_stiffness() * (1.0 - 0.3 * 0.3);
-    let wanted = (0.5_f64 * overhang).powi(3) * density * GRAVITY;
-    let mut material = isotropic(sheet, density);
-    material = material.multiplied(1.0, wanted / beam);
+    let overhang = 0.1;
     let (mesh, edge) = doubled(half, |p| DVec3::new(p.y, -0.3 * p.y.abs(), p.x));
     let tips: Vec<usize> = (0..mesh.positions().len())
         .filter(|v| mesh.material_coordinates()[*v].y < -overhang + 1e-9)
         .collect();
-    let scene = scene(mesh, material, &edge);
-    let rest = sag(&scene).unwrap().positions;
+    let rest = hanging(mesh, &edge, 0.5 * overhang);
     let tip = tips.iter().map(|v| rest[*v]).sum::<DVec3>() / tips.len() as f64;
     bending_length((-tip.y / tip.x.abs()).atan()) * overhang / (0.5 * overhang) - 1.0
+}
+
+/// Places of a sheet of this bending length `[m]` that hangs from `held`, with even bending.
+fn hanging(mesh: Mesh, held: &[u32], bending_length: f64) -> Vec<DVec3> {
+    let (sheet, density) = (elastic(2e8, 0.3, 2e-4), 0.2);
+    let wanted = bending_length.powi(3) * density * GRAVITY;
+    let material = isotropic(sheet, density).multiplied(1.0, wanted / sheet.plate_stiffness());
+    let mut scene = scene(mesh, material, held);
+    scene.physics.even_bending = true;
+    sag(&scene).unwrap().positions
 }
 
 #[test]
@@ -218,14 +235,160 @@ fn a_cantilever_has_its_bending_length() {
     for (name, errors) in [
         (
             "regular",
-            SPACINGS.map(|h| cantilever(regular(0.05, 0.1, h))),
+            SPACINGS.map(|h| cantilever(regular(0.2, 0.1, h))),
         ),
         (
             "irregular",
-            SPACINGS.map(|h| cantilever(irregular(0.05, 0.1, h, 1))),
+            SPACINGS.map(|h| cantilever(irregular(0.2, 0.1, h, 1))),
         ),
     ] {
-        assert!(errors[0].abs() < 0.03, "{name}: {errors:.4?}");
+        println!("cantilever {name} {errors:.4?}");
+        let is_near = errors[0].abs() < 0.06 && errors[1].abs() < 0.03;
+        assert!(is_near, "{name}: {errors:.4?}");
+    }
+}
+
+/// Half of a heart loop, of length 1, whose bending length is `c`: places along it from the bottom to
+/// the clamp, by the elastica. Across the lower part acts h, along it its weight.
+fn heart(c: f64) -> Vec<DVec2> {
+    const STEPS: usize = 400;
+    let shoot = |[turn, across]: [f64; 2]| {
+        let step = 1.0 / STEPS as f64;
+        let rate = |s: f64, [angle, turn, ..]: [f64; 4]| {
+            let (sine, cosine) = angle.sin_cos();
+            [turn, across * sine - s * cosine / c.powi(3), cosine, sine]
+        };
+        let (mut y, mut places) = ([0.0, turn, 0.0, 0.0], vec![DVec2::ZERO]);
+        for k in 0..STEPS {
+            let s = k as f64 * step;
+            let moved = |d: [f64; 4], f: f64| std::array::from_fn(|i| y[i] + f * step * d[i]);
+            let a = rate(s, y);
+            let b = rate(s + 0.5 * step, moved(a, 0.5));
+            let d = rate(s + 0.5 * step, moved(b, 0.5));
+            let e = rate(s + step, moved(d, 1.0));
+            y = std::array::from_fn(|i| y[i] + step / 6.0 * (a[i] + 2.0 * (b[i] + d[i]) + e[i]));
+            places.push(DVec2::new(y[2], y[3]));
+        }
+        // At the clamp it points down, in the middle.
+        (DVec2::new(y[0] - 3.0 * FRAC_PI_2, y[2]), places)
+    };
+    let mut at = [2.556, 8.81];
+    for _ in 0..40 {
+        let error = shoot(at).0;
+        let slope = |k: usize| {
+            let mut moved = at;
+            moved[k] += 1e-6;
+            (shoot(moved).0 - error) / 1e-6
+        };
+        let (a, b) = (slope(0), slope(1));
+        let whole = a.perp_dot(b);
+        let change = [error.perp_dot(b) / whole, a.perp_dot(error) / whole];
+        let part = (1.0 / change[0].abs().max(change[1].abs())).min(1.0);
+        at = std::array::from_fn(|k| at[k] - part * change[k]);
+    }
+    shoot(at).1
+}
+
+/// Error of the depth of a heart loop of 400 mm, 100 mm wide, of bending length 50 mm, in parts of it.
+fn heart_loop(half: (Vec<DVec2>, Vec<[u32; 3]>)) -> f64 {
+    let (length, clamp) = (0.4, 1e-3);
+    let shape = heart(0.05 / (0.5 * length));
+    let place = |p: DVec2| {
+        let s = p.y.abs() / (0.5 * length) * (shape.len() - 1) as f64;
+        let k = (s as usize).min(shape.len() - 2);
+        let at = shape[k].lerp(shape[k + 1], s - k as f64) * 0.5 * length;
+        DVec3::new(at.x.copysign(p.y), at.y, p.x)
+    };
+    // Beyond each end a strip of 1 mm that the clamp holds too, and with it the direction.
+    let (mut points, mut faces) = half;
+    let mut end: Vec<u32> = (0..points.len() as u32)
+        .filter(|v| points[*v as usize].y < -0.5 * length + 1e-9)
+        .collect();
+    end.sort_by(|a, b| points[*a as usize].x.total_cmp(&points[*b as usize].x));
+    let first = points.len() as u32;
+    for (k, pair) in (0..).zip(end.windows(2)) {
+        let (a, b, c, d) = (first + k, first + k + 1, pair[1], pair[0]);
+        faces.extend([[a, b, c], [a, c, d]]);
+    }
+    let beyond = |v: &u32| points[*v as usize] - DVec2::new(0.0, clamp);
+    let beyond: Vec<DVec2> = end.iter().map(beyond).collect();
+    points.extend(beyond);
+    let (mesh, bottom) = doubled((points, faces), place);
+    let held: Vec<u32> = (0..)
+        .zip(mesh.material_coordinates())
+        .filter(|(_, p)| p.y.abs() > 0.5 * length - 1e-9)
+        .map(|(v, _)| v)
+        .collect();
+    let rest = hanging(mesh, &held, 0.05);
+    let top = shape[shape.len() - 1].y * 0.5 * length;
+    let lowest = bottom.iter().map(|v| rest[*v as usize].y).sum::<f64>() / bottom.len() as f64;
+    (top - lowest) / top - 1.0
+}
+
+#[test]
+fn a_heart_loop_hangs_as_deep_as_the_elastica() {
+    // Peirce: without weight 0.1337 of its length.
+    let depth = 0.5 * heart(1e3)[400].y;
+    assert!((depth - 0.1337).abs() < 5e-4, "{depth}");
+    for (name, errors) in [
+        (
+            "regular",
+            SPACINGS.map(|h| heart_loop(regular(0.1, 0.2, h))),
+        ),
+        (
+            "irregular",
+            SPACINGS.map(|h| heart_loop(irregular(0.1, 0.2, h, 1))),
+        ),
+    ] {
+        println!("heart loop {name} {errors:.4?}");
+        let is_near = errors[0].abs() < 0.06 && errors[1].abs() < 0.03;
+        assert!(is_near, "{name}: {errors:.4?}");
+    }
+}
+
+/// Energy `[J]` of a strip of 50 by 200 mm of denim between grips that draw it out by 5 %, its length at
+/// an angle from u. Without gravity.
+fn gripped(half: (Vec<DVec2>, Vec<[u32; 3]>), degrees: f64) -> f64 {
+    let (mesh, _) = doubled(half, |p| DVec3::new(0.0, 1.05 * p.y, p.x));
+    let ends = mesh.material_coordinates().iter().enumerate();
+    let ends = ends.filter(|(_, p)| p.y.abs() > 0.1 - 1e-9);
+    let held: Vec<u32> = ends.map(|(v, _)| v as u32).collect();
+    let turn = DVec2::from_angle((degrees - 90.0).to_radians());
+    let points = mesh
+        .material_coordinates()
+        .iter()
+        .map(|p| turn.rotate(*p))
+        .collect();
+    let positions = mesh.positions().to_vec();
+    let mesh = Mesh::new(&mesh.topology().face_indices(), points, positions).unwrap();
+    let mut scene = scene(mesh, material(DENIM), &held);
+    scene.environment.gravity = DVec3::ZERO;
+    let rest = sag(&scene).unwrap().positions;
+    let still = vec![DVec3::ZERO; rest.len()];
+    let simulator = Simulator::with_state(&scene, rest, still).unwrap();
+    simulator.potential_energy().unwrap()
+}
+
+#[test]
+fn a_strip_between_grips_has_the_energy_of_finer_meshes() {
+    for degrees in [0.0, 45.0, 90.0] {
+        let fine = gripped(regular(0.05, 0.1, 0.0025), degrees);
+        for (name, energies) in [
+            (
+                "regular",
+                SPACINGS.map(|h| gripped(regular(0.05, 0.1, h), degrees)),
+            ),
+            (
+                "irregular",
+                SPACINGS.map(|h| gripped(irregular(0.05, 0.1, h, 1), degrees)),
+            ),
+        ] {
+            let errors = energies.map(|energy| energy / fine - 1.0);
+            println!("grips {degrees} {name} {errors:.4?}");
+            // Along the bias a strip of three faces across is too stiff at its grips.
+            let most = if degrees == 45.0 { 0.06 } else { 0.03 };
+            assert!(errors[0].abs() < most, "{degrees}° {name}: {errors:.4?}");
+        }
     }
 }
 

@@ -68,6 +68,7 @@ fn settings() -> impl Strategy<Value = PhysicsSettings> {
             substeps,
             handles,
             law,
+            even_bending: substeps % 2 == 0,
             air: match integrator.order() {
                 1 => air,
                 _ => AirLaw::Implicit,

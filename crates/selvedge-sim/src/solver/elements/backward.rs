@@ -246,6 +246,7 @@ impl Elements {
         }
         let mesh = &scene.mesh;
         let (topology, pattern) = (mesh.topology(), mesh.pattern());
+        let factors = crate::solver::even::factors(scene);
         let mut rest_angles = vec![0.0; topology.edges().len()];
         let mut hinges = sums.hinges.iter();
         for (number, edge) in topology.edges().iter().enumerate() {
@@ -256,12 +257,10 @@ impl Elements {
                 break;
             };
             rest_angles[number] = *rest_angle;
-            let is_seam = pattern.is_seam(edge);
-            let factor = if is_seam { mesh.seam_stiffness() } else { 1.0 };
             for side in [left, right] {
                 let by = &mut by[material_of[side.face.index()]];
                 by.damping += 0.5 * damping;
-                let half = stiffness.map(|k| 0.5 * factor * k);
+                let half = stiffness.map(|k| 0.5 * factors[number] * k);
                 let mut table = selvedge_cloth::BendTable(by.bend);
                 bend::pull_stiffness(side.ends[1] - side.ends[0], half, &mut table);
                 by.bend = table.0;

@@ -1,0 +1,140 @@
+//! Factors of the stiffness of hinges, once per mesh. With [`even_bending`] a cloth of irregular
+//! triangles bends alike in every direction and along its border, as a plate does.
+//!
+//! [`even_bending`]: selvedge_cloth::PhysicsSettings::even_bending
+
+use glam::DVec2;
+use selvedge_cloth::{EdgeSide, FaceId, Scene};
+
+use crate::lists::Lists;
+
+/// Energy of a plate of Poisson's ratio -1/3, which hinges have, in D/2 per area: coefficients of
+/// κuu², κvv², 2 κuu κvv, κuv², 2 κuu κuv and 2 κvv κuv.
+const PLATE: [f64; 6] = [1.0, 1.0, -1.0 / 3.0, 8.0 / 3.0, 0.0, 0.0];
+/// Sweeps over the six conditions of a vertex: as many as leave little of the error, and factors
+/// near 1.
+const SWEEPS: usize = 10;
+/// Bounds of a factor; and of the mean factor around a vertex: squares with diagonals cannot be even.
+const BOUNDS: [f64; 2] = [0.5, 1.6];
+const MOST_SHIFT: f64 = 0.3;
+
+/// The factor of each edge of a scene's mesh, `[edges]`: that of its seams, times what makes bending
+/// even. Each hinge answers for an equal part of its two faces. Around every vertex the factors
+/// nearest to 1 are taken with which the hinges of its faces have the energy of a plate for any
+/// curvature (Kaczmarz's sweeps); a hinge has the mean of those of its vertices. `[eq:even-bending]`
+pub(crate) fn factors(scene: &Scene) -> Vec<f64> {
+    let mesh = &scene.mesh;
+    let (topology, pattern) = (mesh.topology(), mesh.pattern());
+    let edges = topology.edges().iter();
+    let mut factors: Vec<f64> = edges
+        .map(|edge| match pattern.is_seam(edge) {
+            true => mesh.seam_stiffness(),
+            false => 1.0,
+        })
+        .collect();
+    if !scene.physics.even_bending {
+        return factors;
+    }
+    let edges = topology.edges().iter();
+    let hinges: Vec<Option<([f64; 6], f64)>> = edges
+        .map(|edge| {
+            let (left, right) = pattern.sides(edge);
+            let right = right.filter(|_| !pattern.is_seam(edge))?;
+            let (one, other, area) = (turn(left), turn(right), left.area() + right.area());
+            let [u, v, w] = std::array::from_fn(|k| one[k] + other[k]);
+            // As soft as ke = 4 D makes it, for an area of one.
+            let scale = left.length().powi(2) / area * (3.0 / area);
+            let energy = [u * u, v * v, u * v, w * w, u * w, v * w];
+            Some((energy.map(|e| e * scale), area))
+        })
+        .collect();
+    let areas = scene.rest_shape().face_area;
+    let within = topology
+        .face_edges()
+        .iter()
+        .zip(areas)
+        .map(|(edges, area)| {
+            let is_inner =
+                |e: &&selvedge_cloth::EdgeId| topology.edges()[e.index()].faces.1.is_some();
+            area / edges.iter().filter(is_inner).count().max(1) as f64
+        });
+    let part: Vec<f64> = within.collect();
+    let faces = topology.face_indices();
+    let corners: Vec<(u32, u32)> = (0_u32..)
+        .zip(&faces)
+        .flat_map(|(face, corners)| corners.map(|v| (v, face)))
+        .collect();
+    let around = Lists::group(topology.vertex_count(), &corners);
+    let mut sums = vec![[0.0; 2]; hinges.len()];
+    for vertex in 0..topology.vertex_count() {
+        let mut patch: Vec<(usize, f64)> = Vec::new();
+        for &face in around.of(vertex) {
+            for edge in topology.face_edges()[face as usize].map(|edge| edge.index()) {
+                match patch.iter_mut().find(|(known, _)| *known == edge) {
+                    Some((_, area)) => *area += part[face as usize],
+                    None if hinges[edge].is_some() => patch.push((edge, part[face as usize])),
+                    None => (),
+                }
+            }
+        }
+        let whole: f64 = patch.iter().map(|(_, area)| area).sum();
+        for ((edge, area), factor) in patch.iter().zip(plate_like(&hinges, &patch, whole)) {
+            sums[*edge][0] += area * factor;
+            sums[*edge][1] += area;
+        }
+    }
+    for (edge, hinge) in hinges.iter().enumerate() {
+        if let Some((_, area)) = hinge {
+            let (left, right) = topology.edges()[edge].faces;
+            let own = part[left.index()] + right.map_or(0.0, |face: FaceId| part[face.index()]);
+            let even = (sums[edge][0] / sums[edge][1]).clamp(BOUNDS[0], BOUNDS[1]);
+            factors[edge] = own * 3.0 / area * even;
+        }
+    }
+    factors
+}
+
+/// Factors with which the hinges of a patch, so much area of each, have the energy of a plate.
+fn plate_like(hinges: &[Option<([f64; 6], f64)>], patch: &[(usize, f64)], whole: f64) -> Vec<f64> {
+    let mut factors = vec![1.0; patch.len()];
+    let row = |k: usize| {
+        let of = move |(edge, area): &(usize, f64)| {
+            hinges[*edge].map_or(0.0, |hinge| hinge.0[k]) * area / whole
+        };
+        patch.iter().map(of).collect::<Vec<f64>>()
+    };
+    let rows: [Vec<f64>; 6] = std::array::from_fn(row);
+    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    for _ in 0..SWEEPS {
+        for (row, wanted) in rows.iter().zip(PLATE) {
+            let square = product(row, row).max(f64::MIN_POSITIVE);
+            let step = (wanted - product(row, &factors)) / square;
+            let changed = factors.iter_mut().zip(row);
+            changed.for_each(|(factor, entry)| *factor += step * entry);
+        }
+    }
+    let shift = patch
+        .iter()
+        .zip(&factors)
+        .map(|((_, area), f)| area * (f - 1.0));
+    if shift.sum::<f64>().abs() > MOST_SHIFT * whole {
+        factors.fill(1.0);
+    }
+    factors
+}
+
+/// What one face adds to the angle of its edge, of each curvature κuu, κvv, κuv `[m]`: with foot s
+/// and height h over an edge l along t, (h κnn + 2 s κtn - s (l - s)/h κtt)/2, n towards the face.
+fn turn(side: EdgeSide<DVec2>) -> [f64; 3] {
+    let (edge, rise) = (side.ends[1] - side.ends[0], side.opposite - side.ends[0]);
+    let length = edge.length();
+    let t = edge / length;
+    let foot = rise.dot(t);
+    let over = rise - t * foot;
+    let height = over.length().max(1e-3 * length);
+    let n = over / height;
+    let curvature = |a: DVec2, b: DVec2| [a.x * b.x, a.y * b.y, a.x * b.y + a.y * b.x];
+    let (nn, tn, tt) = (curvature(n, n), curvature(t, n), curvature(t, t));
+    let back = foot * (length - foot) / height;
+    std::array::from_fn(|k| 0.5 * (height * nn[k] + 2.0 * foot * tn[k] - back * tt[k]))
+}
