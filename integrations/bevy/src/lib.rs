@@ -29,10 +29,11 @@ impl Plugin for ClothPlugin {
 pub struct Cloth {
     /// The run; its `positions` are to be drawn.
     pub run: Run,
-    /// Frames of the cloth in one of the game, at most: a slow game slows the cloth.
+    /// Frames of the cloth in one of the game, at most. What a longer one has more is left out: the
+    /// cloth is set on by as much.
     pub most_frames: usize,
     /// Handles that move faster than this `[m/s]` are taken to be set elsewhere: the cloth goes along
-    /// rigidly.
+    /// rigidly, and the bodies take a quarter of a second to where their entities are.
     pub fastest: f64,
     /// What could not be moved last; the cloth began anew then, where its entities stood.
     pub problem: Option<StepError>,
@@ -41,6 +42,10 @@ pub struct Cloth {
     begin: Vec<Rigid>,
     last: Vec<Rigid>,
     waiting: f64,
+    /// Frames in which the bodies still go to where their entities are, after a jump.
+    catching_up: usize,
+    /// How the anchor went in the last frame, in its own axes.
+    step: Rigid,
 }
 
 impl Cloth {
@@ -57,6 +62,8 @@ impl Cloth {
             begin: Vec::new(),
             last: Vec::new(),
             waiting: 0.0,
+            catching_up: 0,
+            step: Rigid::default(),
         }
     }
 
@@ -71,31 +78,48 @@ impl Cloth {
         let frame = 1.0 / self.run.scene().built().frame_rate;
         self.waiting += seconds;
         let frames = ((self.waiting / frame + 1e-6) as usize).min(self.most_frames);
-        self.waiting = (self.waiting - frames as f64 * frame).clamp(0.0, frame);
-        let moved = self.move_to(&now, frames, self.fastest * frames as f64 * frame);
+        self.waiting -= frames as f64 * frame;
+        let farthest = self.fastest * frames as f64 * frame;
+        let way = |p: &DVec3| self.last[0].of(*p).distance(now[0].of(*p));
+        let far = self.held.iter().map(way).fold(0.0, f64::max);
+        let jumps = frames > 0 && (far > farthest || self.waiting > frame);
+        if jumps {
+            // Limbs that move as far within a frame would beat the cloth away.
+            self.catching_up = (0.25 / frame) as usize;
+            self.waiting = 0.0;
+        }
+        let moved = self.move_to(&now, frames, jumps);
         if moved.is_err() {
             self.run.reset()?;
             self.last.fill(Rigid::default());
+            self.catching_up = (0.25 / frame) as usize;
+            self.step = Rigid::default();
             self.carry(now[0])?;
         }
         moved
     }
 
-    fn move_to(&mut self, now: &[Rigid], frames: usize, farthest: f64) -> Result<(), StepError> {
-        let way = |p: &DVec3| self.last[0].of(*p).distance(now[0].of(*p));
-        if frames > 0 && self.held.iter().map(way).fold(0.0, f64::max) > farthest {
-            self.carry(now[0])?;
+    fn move_to(&mut self, now: &[Rigid], frames: usize, jumps: bool) -> Result<(), StepError> {
+        if jumps {
+            // Beyond the jump, or the time that is left out, the handles go on as fast as before.
+            let back = inverse(&self.step);
+            self.carry((0..frames).fold(now[0], |place, _| place.after(&back)))?;
         }
-        for k in 1..=frames {
-            for (last, now) in self.last.iter_mut().zip(now) {
-                let part = 1.0 / (frames + 1 - k) as f64;
-                last.turn = last.turn.slerp(now.turn, part);
-                last.by = last.by.lerp(now.by, part);
+        for left in (1..=frames).rev() {
+            // Bodies go with the anchor, and beside it to where they shall be.
+            let (from, to) = (inverse(&self.last[0]), inverse(&now[0]));
+            let anchor = between(&self.last[0], &now[0], left);
+            for (last, now) in self.last[1..].iter_mut().zip(&now[1..]) {
+                let (last_pose, pose) = (from.after(last), to.after(now));
+                *last = anchor.after(&between(&last_pose, &pose, left.max(self.catching_up)));
             }
+            self.step = from.after(&anchor);
+            self.last[0] = anchor;
+            self.catching_up = self.catching_up.saturating_sub(1);
             for (body, place) in self.last[1..].iter().enumerate() {
                 self.run.lead_obstacle(body, *place);
             }
-            let targets = self.held.iter().map(|p| self.last[0].of(*p)).collect();
+            let targets = self.held.iter().map(|p| anchor.of(*p)).collect();
             let frame = self.run.frame() + 1;
             let targets = HandleTargets::at_frame_end(targets);
             let targets = targets.map_err(|source| StepError::Handles { frame, source })?;
@@ -121,6 +145,15 @@ fn inverse(place: &Rigid) -> Rigid {
     Rigid {
         turn,
         by: turn * -place.by,
+    }
+}
+
+/// A frame's part of the way from `last` to `now`, of `left` frames.
+fn between(last: &Rigid, now: &Rigid, left: usize) -> Rigid {
+    let part = 1.0 / left as f64;
+    Rigid {
+        turn: last.turn.slerp(now.turn, part),
+        by: last.by.lerp(now.by, part),
     }
 }
 

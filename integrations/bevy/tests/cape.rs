@@ -7,6 +7,7 @@ use bevy_ecs::prelude::*;
 use bevy_time::{Time, TimePlugin, TimeUpdateStrategy};
 use bevy_transform::TransformPlugin;
 use bevy_transform::components::Transform;
+use selvedge::glam::Vec3;
 use selvedge::{Run, Scene};
 use selvedge_bevy::{Cloth, ClothPlugin};
 
@@ -142,10 +143,8 @@ fn a_cape_on_a_walking_character_meets_nothing_in_600_frames() {
     }
     let frames = app.world().get::<Cloth>(cape).unwrap().run.frame();
     assert!((600..640).contains(&frames), "{frames}");
-    println!(
-        "{frames} frames of the cape: worst {worst:.1?}, mean {:.1?}",
-        sum / 593
-    );
+    let mean = sum / 593;
+    println!("{frames} frames of the cape: worst {worst:.1?}, mean {mean:.1?}");
 }
 
 #[test]
@@ -162,15 +161,10 @@ fn what_cannot_be_moved_begins_anew_and_is_said() {
     app.world_mut().get_mut::<Cloth>(cape).unwrap().fastest = f64::INFINITY;
     (0..220).for_each(|_| step(&mut app));
     let cloth = app.world().get::<Cloth>(cape).unwrap();
-    assert!(
-        cloth
-            .problem
-            .as_ref()
-            .unwrap()
-            .to_string()
-            .contains("teleport"),
-        "{:?}",
-        cloth.problem
-    );
+    assert!(cloth.problem.is_some());
     assert_eq!(cloth.run.solver().unwrap().intersection_count(), 0);
+    // It goes on, and where the character is: on its circle of 2 m.
+    let far = |p: &Vec3| (p.x.hypot(p.z) - 2.0).abs();
+    let farthest = cloth.run.positions().iter().map(far).fold(0.0, f32::max);
+    assert!(farthest < 1.2, "{farthest}");
 }
