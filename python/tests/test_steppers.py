@@ -52,6 +52,13 @@ def test_the_steppers_of_the_guide_run(scene):
     assert found["positions"].shape == (400, 3)
 
 
+def test_the_ten_lines_of_the_readme_run(capsys):
+    readme = pathlib.Path(__file__).parents[2] / "README.md"
+    [block] = [part.split("```")[0] for part in readme.read_text("utf-8").split("```python\n")[1:]]
+    exec(block, {})
+    assert capsys.readouterr().out == "the hem is 0.45 m above the floor\n"
+
+
 def test_an_array_outlives_its_stepper(small):
     positions = selvedge.Simulator(small).positions
     gc.collect()

@@ -138,14 +138,18 @@ export interface Placed {
 
 /** How a worn cloth follows. */
 export interface Following {
-  /** Frames of the cloth in one of the page, at most: a slow page slows the cloth. Default 4. */
+  /** Frames of the cloth in one of the page, at most. What a longer one has more is left out: the cloth is set
+   * on by as much. Default 4. */
   mostFrames?: number;
-  /** What moves faster than this, m/s, is taken to be set elsewhere: the cloth goes along rigidly. Default 10. */
+  /** What moves faster than this, m/s, is taken to be set elsewhere: the cloth goes along rigidly, and the bodies
+   * take a quarter of a second to where their bones are. Default 10. */
   fastest?: number;
 }
 
 /** A rotation (x, y, z, w) and a translation. */
 type Place = readonly [number, number, number, number, number, number, number];
+
+const still: Place = [0, 0, 0, 1, 0, 0, 0];
 
 function placeOf({ matrixWorld: { elements } }: Placed): Place {
   const e = Array.from(elements);
@@ -206,6 +210,10 @@ export class Worn {
   private readonly held: number[][];
   private last: Place[];
   private waiting = 0;
+  /** Frames in which the bodies still go to where their bones are, after a jump. */
+  private catchingUp = 0;
+  /** How the anchor went in the last frame, in its own axes. */
+  private step: Place = still;
 
   constructor(
     readonly cloth: Cloth,
@@ -233,30 +241,42 @@ export class Worn {
     this.waiting += Math.max(seconds, 0);
     const frames = Math.min(Math.floor(this.waiting / frame + 1e-6), mostFrames);
     if (frames === 0) return 0;
-    this.waiting = Math.min(Math.max(this.waiting - frames * frame, 0), frame);
+    this.waiting -= frames * frame;
     const now = this.now();
+    const all = this.bodies.map((_, k) => k);
+    const way = this.held.map((p) => {
+      const [from, to] = [moved(this.last[0]!, p), moved(now[0]!, p)];
+      return Math.hypot(...to.map((x, k) => x - from[k]!));
+    });
+    const jumps = Math.max(0, ...way) > fastest * frames * frame || this.waiting > frame;
+    // Limbs that move as far within a frame would beat the cloth away.
+    if (jumps) [this.catchingUp, this.waiting] = [Math.floor(0.25 / frame), 0];
     try {
-      const all = this.bodies.map((_, k) => k);
-      const way = this.held.map((p) => {
-        const [from, to] = [moved(this.last[0]!, p), moved(now[0]!, p)];
-        return Math.hypot(...to.map((x, k) => x - from[k]!));
-      });
-      if (Math.max(0, ...way) > fastest * frames * frame) {
-        const to = after(now[0]!, inverse(this.last[0]!));
+      if (jumps) {
+        // Beyond the jump, or the time that is left out, the handles go on as fast as before.
+        let there = now[0]!;
+        for (let k = 0; k < frames; k++) there = after(there, inverse(this.step));
+        const to = after(there, inverse(this.last[0]!));
         this.cloth.teleport(matrixOf(to), all);
         this.last = this.last.map((place) => after(to, place));
       }
-      for (let k = 1; k <= frames; k++) {
-        const places = this.last.map((from, bone) => between(from, now[bone]!, k / frames));
-        for (const body of all) this.cloth.leadBody(body, matrixOf(places[body + 1]!));
-        this.cloth.step(this.held.flatMap((p) => moved(places[0]!, p)));
+      for (let left = frames; left > 0; left--) {
+        // Bodies go with the anchor, and beside it to where they shall be.
+        const [from, to] = [inverse(this.last[0]!), inverse(now[0]!)];
+        const anchor = between(this.last[0]!, now[0]!, 1 / left);
+        this.step = after(from, anchor);
+        const part = 1 / Math.max(left, this.catchingUp);
+        this.last = this.last.map((last, k) => (k === 0 ? anchor : after(anchor, between(after(from, last), after(to, now[k]!), part))));
+        this.catchingUp = Math.max(this.catchingUp - 1, 0);
+        for (const body of all) this.cloth.leadBody(body, matrixOf(this.last[body + 1]!));
+        this.cloth.step(this.held.flatMap((p) => moved(anchor, p)));
       }
-      this.last = now;
       return frames;
     } catch (error) {
       this.cloth.reset();
-      this.cloth.teleport(matrixOf(now[0]!), this.bodies.map((_, k) => k));
+      this.cloth.teleport(matrixOf(now[0]!), all);
       this.last = now.map(() => now[0]!);
+      [this.catchingUp, this.step] = [Math.floor(0.25 / frame), still];
       throw error;
     }
   }

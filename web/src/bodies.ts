@@ -21,6 +21,9 @@ interface RayHit {
 
 interface Drawn {
   mesh: three.Mesh;
+  faces: Uint32Array;
+  /** The point of each one that is drawn, once it is placed. */
+  pointOf: number[] | null;
   /** Its first point among those of all bodies. */
   first: number;
   points: number;
@@ -44,17 +47,12 @@ export class BodyObjects {
     this.isPlaced = false;
     let first = 0;
     this.drawn = bodies.map((body) => {
-      const geometry = new three.BufferGeometry();
-      const position = new three.BufferAttribute(new Float32Array(3 * body.points), 3);
-      position.setUsage(three.DynamicDrawUsage);
-      geometry.setAttribute("position", position);
-      geometry.setIndex(new three.BufferAttribute(body.faces.slice(), 1));
-      const mesh = new three.Mesh(geometry, body.kind === BALL ? this.ballMaterial : this.material);
+      const mesh = new three.Mesh(new three.BufferGeometry(), body.kind === BALL ? this.ballMaterial : this.material);
       mesh.castShadow = mesh.receiveShadow = true;
       mesh.frustumCulled = false;
-      mesh.visible = body.kind !== FLOOR;
+      mesh.visible = false;
       this.group.add(mesh);
-      const drawn = { mesh, first, points: body.points, kind: body.kind };
+      const drawn = { mesh, faces: body.faces.slice(), pointOf: null, first, points: body.points, kind: body.kind };
       first += body.points;
       return drawn;
     });
@@ -68,12 +66,14 @@ export class BodyObjects {
   /** Puts the points of all bodies at `points`, [points, 3], m. */
   place(points: Float32Array): void {
     if (points.length !== this.points.length) return;
-    for (const { mesh, first, points: count, kind } of this.drawn) {
+    for (const drawn of this.drawn) {
+      const { mesh, first, points: count, kind } = drawn;
       const own = points.subarray(3 * first, 3 * (first + count));
       const before = this.points.subarray(3 * first, 3 * (first + count));
       if (this.isPlaced && own.every((x, k) => x === before[k])) continue;
+      drawn.pointOf ??= split(mesh.geometry, own, drawn.faces);
       const position = mesh.geometry.getAttribute("position") as three.BufferAttribute;
-      (position.array as Float32Array).set(own);
+      drawn.pointOf.forEach((point, k) => position.setXYZ(k, own[3 * point]!, own[3 * point + 1]!, own[3 * point + 2]!));
       position.needsUpdate = true;
       mesh.geometry.computeVertexNormals();
       mesh.geometry.boundingSphere = null;
@@ -126,4 +126,44 @@ function middle(points: Float32Array): three.Vector3 {
   const sum = new three.Vector3();
   for (let k = 0; k < points.length; k += 3) sum.add(new three.Vector3(points[k], points[k + 1], points[k + 2]));
   return sum.divideScalar(Math.max(points.length / 3, 1));
+}
+
+/** Faces that meet at less than 50° are round. */
+const ROUND = Math.cos((50 * Math.PI) / 180);
+
+/** Makes the geometry of a body, in which a point on a sharp edge is drawn once for each side: the point of each one
+ * that is drawn. */
+function split(geometry: three.BufferGeometry, points: Float32Array, faces: Uint32Array): number[] {
+  const at = (corner: number) => new three.Vector3().fromArray(points, 3 * faces[corner]!);
+  const normals: three.Vector3[] = [];
+  const around: number[][] = Array.from({ length: points.length / 3 }, () => []);
+  for (let corner = 0; corner < faces.length; corner++) {
+    around[faces[corner]!]!.push(corner);
+    if (corner % 3 === 0) normals.push(at(corner + 1).sub(at(corner)).cross(at(corner + 2).sub(at(corner))).normalize());
+  }
+  const face = (corner: number) => Math.floor(corner / 3);
+  const ends = (corner: number) => [0, 1, 2].map((k) => faces[3 * face(corner) + k]!);
+  const index = new Uint32Array(faces.length);
+  const pointOf: number[] = [];
+  around.forEach((corners, point) => {
+    // Sides: corners whose faces join over edges that are not sharp.
+    const rest = new Set(corners);
+    for (const begin of corners) {
+      if (!rest.delete(begin)) continue;
+      const side = [begin];
+      for (const one of side) {
+        for (const other of rest) {
+          const joined = ends(one).filter((end) => ends(other).includes(end)).length > 1;
+          if (joined && normals[face(one)]!.dot(normals[face(other)]!) > ROUND) rest.delete(other), side.push(other);
+        }
+      }
+      side.forEach((corner) => (index[corner] = pointOf.length));
+      pointOf.push(point);
+    }
+  });
+  const position = new three.BufferAttribute(new Float32Array(3 * pointOf.length), 3);
+  position.setUsage(three.DynamicDrawUsage);
+  geometry.setAttribute("position", position);
+  geometry.setIndex(new three.BufferAttribute(index, 1));
+  return pointOf;
 }

@@ -247,7 +247,9 @@ export class Stage {
     const vertical = Math.tan((this.camera.fov * Math.PI) / 360);
     const horizontal = vertical * this.camera.aspect;
     const distance = 1.62 * Math.max((size.y / 2 + 0.08) / vertical, (size.z / 2 + 0.1) / horizontal) + size.x / 2;
-    const direction = new three.Vector3(1, 0.16, this.objects.length > 1 ? 0.12 : 0.42).normalize();
+    // What lies on a body is seen from above.
+    const above = this.bodies.floor === null ? 0.16 : 0.38;
+    const direction = new three.Vector3(1, above, this.objects.length > 1 ? 0.12 : 0.42).normalize();
     this.controls.target.copy(center).add(new three.Vector3(0, -0.02 * size.y, 0));
     this.camera.position.copy(this.controls.target).addScaledVector(direction, distance);
     const below = box.min.y - 0.3 * Math.max(size.y, 0.5);

@@ -1,4 +1,4 @@
-// Measures what docs/src/guides/viewer.md says: node tests/measure-static.mjs [steps|memory]
+// Measures what docs/src/benchmarks.md says: node tests/measure-static.mjs [steps|memory]
 // Needs npm run build:static, the release build (or SELVEDGE=PATH), and Debian's Chromium.
 import { execFileSync } from "node:child_process";
 import { mkdtempSync, rmSync } from "node:fs";

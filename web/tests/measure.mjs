@@ -1,4 +1,4 @@
-// Measures what docs/src/guides/viewer.md says of the live viewer:
+// Measures what docs/src/benchmarks.md says of the live viewer:
 // node tests/measure.mjs [start|drag|playback]
 // Needs the release build (or SELVEDGE=PATH) and Debian's Chromium; draws with software GL.
 import { spawnSync } from "node:child_process";

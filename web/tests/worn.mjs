@@ -57,16 +57,22 @@ test("a frame leads bodies and handles where the bones have gone", () => {
   assert.ok(apart(one.calls[1][1], held(one.cloth, anchor)) < 1e-12);
 });
 
-test("a hitch is divided, and time beyond four frames is dropped", () => {
+test("a hitch is divided, and the cloth is set on by the time beyond four frames", () => {
   const one = worn();
   one.chest.position.x += 0.2;
   one.move();
-  assert.equal(one.worn.update(0.5), 4);
+  assert.equal(one.worn.update(4 / 60), 4);
   assert.equal(names(one.calls), "leadBody step ".repeat(4).trim());
   const ways = one.calls.filter(([name]) => name === "step").map(([, places]) => places[0]);
   assert.ok(apart(ways, [0.05, 0.1, 0.15, 0.2]) < 1e-12);
-  // A frame at most is left over.
-  assert.equal(one.worn.update(0), 1);
+  assert.equal(one.worn.update(0.01), 0);
+  // Half a second later, and as fast as before.
+  one.chest.position.x += 1.5;
+  one.move();
+  one.calls.length = 0;
+  assert.equal(one.worn.update(0.49), 4);
+  assert.equal(names(one.calls), "teleport " + "leadBody step ".repeat(4).trim());
+  assert.ok(apart(one.calls[0][1].slice(12), [1.3, 0, 0, 1]) < 1e-9);
   assert.equal(one.worn.update(0.01), 0);
 });
 
@@ -81,6 +87,32 @@ test("a character that is set elsewhere takes the cloth along", () => {
   assert.ok(apart(one.calls[0][1], anchor.elements) < 1e-12);
   assert.deepEqual([...one.calls[0][2]], [0]);
   assert.ok(apart(one.calls[1][2], body.elements) < 1e-12);
+});
+
+test("beyond a jump the handles go on as fast as before it", () => {
+  const one = worn();
+  const go = (x) => ((one.chest.position.x += x), one.move(), one.worn.update(1 / 60));
+  go(0.02);
+  go(4.02);
+  const [teleport] = one.calls.filter(([name]) => name === "teleport");
+  assert.ok(apart(teleport[1].slice(12), [4, 0, 0, 1]) < 1e-9, String(teleport[1]));
+});
+
+test("after a jump the bodies take a quarter of a second to their bones, beside the anchor", () => {
+  const one = worn();
+  one.chest.position.set(5, 1, 3);
+  one.thigh.position.x += 15;
+  one.move();
+  const gaps = [];
+  for (let k = 0; k < 15; k++) {
+    one.chest.position.x += 0.02;
+    one.move();
+    one.worn.update(1 / 60);
+    const [, led] = one.calls.filter(([name]) => name === "leadBody").at(-1).slice(1);
+    gaps.push(apart(led, one.away()[1].elements));
+  }
+  assert.ok(gaps[0] > 0.05 && gaps.every((gap, k) => k === 0 || gap < gaps[k - 1]), String(gaps));
+  assert.ok(gaps[14] < 1e-12);
 });
 
 test("what cannot be moved begins anew where the character stands, and is said", () => {

@@ -46,7 +46,7 @@ enum Mover {
     Solver(Box<Simulator>),
     #[cfg(feature = "learned")]
     Model(Box<Guard<crate::machine::Mover>>),
-    Other(Box<dyn Stepper + Send>),
+    Other(Box<dyn Stepper + Send + Sync>),
 }
 
 impl Mover {
@@ -117,7 +117,10 @@ impl Run {
     ///
     /// # Errors
     /// A motion that cannot drive the handles.
-    pub fn of_stepper(scene: &Scene, stepper: Box<dyn Stepper + Send>) -> Result<Self, Error> {
+    pub fn of_stepper(
+        scene: &Scene,
+        stepper: Box<dyn Stepper + Send + Sync>,
+    ) -> Result<Self, Error> {
         Self::of(scene, Mover::Other(stepper), None)
     }
 

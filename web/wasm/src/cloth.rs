@@ -63,14 +63,14 @@ impl Cloth {
     #[wasm_bindgen(js_name = leadBody)]
     pub fn lead_body(&mut self, body: usize, matrix: &[f64]) -> Result<(), JsError> {
         self.run
-            .lead_obstacle(body, Rigid::try_from(matrix).map_err(told)?);
+            .lead_obstacle(body, Rigid::try_from(matrix).map_err(js_error)?);
         Ok(())
     }
 
     /// Sets the cloth elsewhere, and with it the bodies of these numbers, by such a matrix.
     pub fn teleport(&mut self, matrix: &[f64], bodies: &[usize]) -> Result<(), JsError> {
-        let to = Rigid::try_from(matrix).map_err(told)?;
-        self.run.teleport(to, bodies).map_err(told)
+        let to = Rigid::try_from(matrix).map_err(js_error)?;
+        self.run.teleport(to, bodies).map_err(js_error)
     }
 
     /// Back to the start.

@@ -103,6 +103,13 @@ fn every_run_goes_back_to_the_byte() {
     goes_back(Run::of_stepper(&scene, Box::new(played)).unwrap(), 8);
 }
 
+/// Engines keep their parts where any thread may read them.
+#[test]
+fn a_run_is_shared_between_threads() {
+    fn shared<T: Send + Sync>() {}
+    shared::<Run>();
+}
+
 /// Handles that are set 2 m away at once tear the cloth, unless it is set there with them.
 #[test]
 fn a_cloth_is_set_where_its_handles_are() {
