@@ -89,7 +89,7 @@ const BUILT_WITHOUT: &str = "device: this selvedge was built without GPUs: build
 pub const PROCESSOR: &str = "cpu";
 
 /// A model at work on a cloth.
-pub type Mover = Box<dyn Correctable + Send>;
+pub type Mover = Box<dyn Correctable + Send + Sync>;
 
 /// A place where models run.
 #[derive(Clone)]
