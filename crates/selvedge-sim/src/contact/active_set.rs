@@ -238,11 +238,11 @@ impl Contact {
                 continue;
             }
             let of = key(pair);
-            let place =
-                collisions.list[..sorted].binary_search_by_key(&pair.corners, |t| t.corners);
+            let first = collisions.list[..sorted].partition_point(|t| t.corners < pair.corners);
+            let same = collisions.list[first..sorted].iter();
+            let last = first + same.take_while(|t| t.corners == pair.corners).count();
             let is_same = |k: &usize| collisions.list[*k].is_same_place(of, &impact.gap);
-            let place = place.ok().filter(is_same);
-            let place = place.or_else(|| (sorted..count).find(is_same));
+            let place = (first..last).chain(sorted..count).find(is_same);
             let known = place.map(|k| &collisions.list[k]);
             let Some((near, collision)) = self.caught(pair, impact.gap, known) else {
                 continue;
