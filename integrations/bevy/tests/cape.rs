@@ -1,4 +1,5 @@
 //! A cape on a walking character, without a window: 600 frames, with hitches and leaps.
+#![allow(clippy::unwrap_used, reason = "a test fails by it")]
 
 use std::time::{Duration, Instant};
 
