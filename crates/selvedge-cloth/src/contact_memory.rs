@@ -70,6 +70,17 @@ pub struct ContactMemory {
     pub caught: Vec<CaughtPair>,
     /// Contact that is released where bodies squeeze the cloth.
     pub released: Vec<ReleasedContact>,
+    /// Where each vertex has stayed, and since when, `[vertices]`; empty where the cloth moves.
+    pub still: Vec<Still>,
+}
+
+/// A place about which a vertex has stayed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Still {
+    /// The frame in which it came there.
+    pub since: u32,
+    /// The place `[m]`.
+    pub place: DVec3,
 }
 
 /// Contact of a vertex of the cloth with a body that is released: no feature with this vertex meets

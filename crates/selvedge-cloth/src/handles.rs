@@ -220,6 +220,13 @@ impl HandleTargets {
         &self.samples[self.samples.len() - self.handle_count..]
     }
 
+    /// Returns true if all samples are these places `[m]`, `[handles]`.
+    #[must_use]
+    pub fn stay_at(&self, places: &[DVec3]) -> bool {
+        let mut samples = self.samples.chunks(self.handle_count.max(1));
+        samples.all(|sample| sample == places)
+    }
+
     /// Target of `handle` at `fraction` of the frame, in (0, 1]; linear between the samples, and
     /// from `start` (its position at the start of the frame) to the first.
     ///

@@ -80,7 +80,7 @@ pub use cloth::{Cloth, ClothArrays};
 pub use contact::{ContactSettings, Squeezed};
 pub use contact_memory::{
     CaughtPair, Checkpoint, ContactMemory, FrictionAnchor, PreviousSubstep, Pushing,
-    ReleasedContact, Touching,
+    ReleasedContact, Still, Touching,
 };
 pub use drape::Drape;
 pub use environment::{Environment, Gust};

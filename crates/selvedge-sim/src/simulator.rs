@@ -30,6 +30,7 @@ mod contact;
 mod error;
 mod frame;
 mod gradient;
+mod rest;
 mod stepping;
 
 /// A cloth that moves by its measured stiffness, gravity and air.
@@ -267,6 +268,7 @@ impl Simulator {
             });
         }
         self.stop_recording();
+        self.wake();
         self.save(FRAME);
         self.undo = None;
         self.update_wind();

@@ -8,9 +8,11 @@ use super::collisions::Collisions;
 
 /// Momentum that obstacles have received over the frame under way.
 #[derive(Clone, Debug, Default)]
-pub(super) struct ObstacleImpulses {
+pub(crate) struct ObstacleImpulses {
     /// `[N s]`, `[obstacles]`.
     pub(super) all: Vec<DVec3>,
+    /// False before the first frame after a saved state.
+    pub(crate) are_known: bool,
     /// The same before the last solve.
     before: Vec<DVec3>,
     /// Mass by way that pushes of a projection moved since the last solve `[kg m]`, `[obstacles]`.
@@ -22,6 +24,7 @@ impl ObstacleImpulses {
     pub(super) fn none(obstacles: usize) -> Self {
         Self {
             all: vec![DVec3::ZERO; obstacles],
+            are_known: false,
             before: vec![DVec3::ZERO; obstacles],
             pushed: vec![DVec3::ZERO; obstacles],
         }

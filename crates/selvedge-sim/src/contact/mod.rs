@@ -67,6 +67,8 @@ pub struct ContactCounts {
     pub fell_back: u64,
     /// Pairs that push now.
     pub touching: u64,
+    /// Frames in which the cloth rested, and nothing was solved.
+    pub resting: u64,
 }
 
 /// The collisions of a solve.
@@ -161,7 +163,15 @@ pub(crate) struct Contact {
     /// Contact that was released so far.
     pub(crate) yielded: Vec<YieldedContact>,
     pub(crate) counts: ContactCounts,
-    received: impulses::ObstacleImpulses,
+    pub(crate) received: impulses::ObstacleImpulses,
+}
+
+impl Bodies {
+    /// Returns true if no obstacle moves or turns in the frame.
+    pub(crate) fn stand_still(&self) -> bool {
+        let turns = |turn: &DMat3| turn.abs_diff_eq(DMat3::ZERO, 1e-12);
+        self.frame[0] == self.frame[1] && self.turns.iter().all(turns)
+    }
 }
 
 impl Contact {
@@ -324,6 +334,10 @@ impl Contact {
         memory.released.retain(|one| {
             (one.vertex as usize) < vertices && (1..bodies).contains(&(one.body as usize))
         });
+        if memory.still.len() != vertices {
+            memory.still.clear();
+        }
+        self.received.are_known = false;
         self.memory = memory;
         self.leave_out_released();
     }
@@ -353,6 +367,7 @@ impl Contact {
     /// Begins to sum what obstacles receive anew.
     pub(crate) fn forget_received(&mut self) {
         self.received.all.fill(DVec3::ZERO);
+        self.received.are_known = true;
     }
 
     /// Gap of a pair along a direction between its features, at these `points` `[m]`.

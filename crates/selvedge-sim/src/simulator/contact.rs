@@ -187,6 +187,7 @@ impl Simulator {
     /// # Errors
     /// [`StepError::Intersections`] where it would meet the cloth; it stays where it was.
     pub fn put_obstacle(&mut self, number: usize, away: impl Into<Rigid>) -> Result<(), StepError> {
+        self.wake();
         let Some(shift) = self.obstacle_shift(number) else {
             return Ok(());
         };

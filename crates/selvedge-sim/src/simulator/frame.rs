@@ -45,7 +45,7 @@ const PART: usize = 1;
 
 /// All that a substep changes, as it was at an earlier time.
 pub(super) struct Snapshot {
-    state: State,
+    pub(super) state: State,
     history: History,
     /// Changes of velocity of the last solve `[m/s]`, `[vertices]`, and their time `[s]`.
     changes: (Vec<DVec3>, f64),

@@ -42,7 +42,12 @@ impl Stepper for Simulator {
             // The cloth was another one.
             self.history.forget();
         }
-        if let Err(error) = self.advance(targets).and_then(|()| self.round_new()) {
+        let rests = self.rests(targets, before.is_some());
+        let moved = match rests {
+            true => self.rest(targets),
+            false => self.advance(targets).and_then(|()| self.round_new()),
+        };
+        if let Err(error) = moved {
             if let Some(before) = before {
                 self.active = before;
             }
@@ -52,6 +57,9 @@ impl Stepper for Simulator {
         self.reached.copy_from_slice(targets.end());
         self.undo = Some(before);
         self.frame += 1;
+        if !rests {
+            self.note_still();
+        }
         if let Some(contact) = &mut self.contact {
             contact.arrive();
             contact.note_released(self.frame);
@@ -100,6 +108,7 @@ impl Stepper for Simulator {
         // Friction takes hold anew where it is.
         if let Some(contact) = &mut state.contact {
             contact.anchors.clear();
+            contact.still.clear();
         }
         for number in along {
             if let Some(place) = state.obstacles.get_mut(*number) {
@@ -178,6 +187,7 @@ impl Correctable for Simulator {
     fn replace_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
         self.check_frame(self.frame, positions)?;
         self.stop_recording();
+        self.wake();
         let rate = self.scene.frame_rate;
         // Part of the frame that had passed before the last substep.
         let passed = 1.0 - self.history.last_substep().unwrap_or(0.0) * rate;

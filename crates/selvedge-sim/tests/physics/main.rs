@@ -19,6 +19,7 @@ mod golden;
 mod grip;
 mod impact;
 mod led;
+mod lies_still;
 mod overstretch;
 mod releases;
 mod rest;

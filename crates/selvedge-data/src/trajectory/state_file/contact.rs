@@ -3,32 +3,37 @@
 
 use glam::DVec3;
 use selvedge_cloth::{
-    CaughtPair, Checkpoint, ContactMemory, FrictionAnchor, Pushing, ReleasedContact, Touching,
+    CaughtPair, Checkpoint, ContactMemory, FrictionAnchor, Pushing, ReleasedContact, Still,
+    Touching,
 };
 
 use crate::formats::arrays::ArrayFile;
 use crate::formats::file_error::Problem;
 use crate::formats::tensor_file::{TensorOut, TensorValues};
 
-/// Number of entries of each state of each kind, u32 `[states, 4]`; without the last where that has
-/// no entries.
+/// Number of entries of each state of each kind, u32 `[states, kinds]`; the last kinds are left out where
+/// they have no entries, but for the first three.
 const COUNTS: &str = "contact_counts";
+const KINDS: usize = 5;
 /// Tables of u32 and their columns: features of anchors; features that push, and 1 where they do so
-/// firmly; caught pairs; released contact by vertex, two bodies and two of their parts.
-const WHOLES: [(&str, usize); 4] = [
+/// firmly; caught pairs; released contact by vertex, two bodies and two of their parts; the frame since
+/// which each vertex is still.
+const WHOLES: [(&str, usize); KINDS] = [
     ("contact_anchors", 3),
     ("contact_pushing", 4),
     ("contact_caught", 3),
     ("contact_released", 5),
+    ("contact_still", 1),
 ];
 /// Tables of f64 beside them: normal and pull `[N]` of each anchor; none; the gap of the tangent of
 /// each caught pair `[m]`, 0 for the usual one; two places `[m]` and the winding number of each
-/// released contact.
-const REALS: [(&str, usize); 4] = [
+/// released contact; the place of each still vertex `[m]`.
+const REALS: [(&str, usize); KINDS] = [
     ("contact_pulls", 6),
     ("", 0),
     (GAPS, 1),
     ("contact_places", 7),
+    ("contact_still_places", 3),
 ];
 const GAPS: &str = "contact_gaps";
 
@@ -38,9 +43,9 @@ const LARGEST: f64 = 1e9;
 /// The entries of several states, by kind.
 #[derive(Default)]
 pub(super) struct Tables {
-    counts: Vec<[u32; 4]>,
-    wholes: [Vec<u32>; 4],
-    reals: [Vec<f64>; 4],
+    counts: Vec<[u32; KINDS]>,
+    wholes: [Vec<u32>; KINDS],
+    reals: [Vec<f64>; KINDS],
 }
 
 impl Tables {
@@ -50,13 +55,14 @@ impl Tables {
         let nothing = ContactMemory::default();
         for state in states {
             let memory = state.contact.as_ref().unwrap_or(&nothing);
-            let [anchors, pushing, caught, released] = &mut made.wholes;
-            let [pulls, _, gaps, places] = &mut made.reals;
+            let [anchors, pushing, caught, released, still] = &mut made.wholes;
+            let [pulls, _, gaps, places, still_places] = &mut made.reals;
             let counts = [
                 memory.anchors.len(),
                 memory.pushing.len(),
                 memory.caught.len(),
                 memory.released.len(),
+                memory.still.len(),
             ];
             made.counts.push(counts.map(|count| count as u32));
             for anchor in &memory.anchors {
@@ -78,8 +84,12 @@ impl Tables {
                 places.extend(one.places.iter().flat_map(|p| p.to_array()));
                 places.push(one.winding);
             }
+            for one in &memory.still {
+                still.push(one.since);
+                still_places.extend(one.place.to_array());
+            }
         }
-        if made.counts.iter().all(|counts| *counts == [0; 4]) {
+        if made.counts.iter().all(|counts| *counts == [0; KINDS]) {
             made.counts.clear();
         }
         made
@@ -97,7 +107,8 @@ impl Tables {
             let shape = shape(columns, values.len());
             TensorOut::new(name, &shape, TensorValues::F64(values.into()))
         });
-        let kinds = if self.wholes[3].is_empty() { 3 } else { 4 };
+        let kinds = (4..=KINDS).rev().find(|k| !self.wholes[k - 1].is_empty());
+        let kinds = kinds.unwrap_or(3);
         let counts = self.counts.iter().flat_map(|c| &c[..kinds]).copied();
         let named = [(COUNTS, kinds)].into_iter().chain(WHOLES);
         let wholes = named.zip([counts.collect()].into_iter().chain(self.wholes));
@@ -115,7 +126,8 @@ impl Tables {
             return Ok(Self::default());
         }
         let counts = file.wholes(COUNTS)?.values;
-        let kinds = if counts.len() == 4 * states { 4 } else { 3 };
+        let kinds = (3..=KINDS).rev().find(|k| counts.len() == k * states);
+        let kinds = kinds.unwrap_or(3);
         check_length(COUNTS, counts.len(), kinds * states)?;
         let rows = counts.chunks_exact(kinds);
         let mut read = Self {
@@ -193,11 +205,16 @@ impl Tables {
             places: [DVec3::from_slice(places), DVec3::from_slice(&places[3..])],
             winding: places[6],
         };
+        let still = |(row, place): (&[u32], &[f64])| Still {
+            since: row[0],
+            place: DVec3::from_slice(place),
+        };
         let memory = ContactMemory {
             anchors: entries(0).map(anchor).collect::<Result<_, Problem>>()?,
             pushing: entries(1).map(pushing).collect::<Result<_, Problem>>()?,
             caught: entries(2).map(caught).collect::<Result<_, Problem>>()?,
             released: entries(3).map(released).collect(),
+            still: entries(4).map(still).collect(),
         };
         Ok((memory != ContactMemory::default()).then_some(memory))
     }

@@ -1,7 +1,7 @@
 //! States are read as they were written, by any of the ways to name them.
 
 use selvedge_cloth::{
-    CaughtPair, ContactMemory, FrictionAnchor, Pushing, ReleasedContact, Touching,
+    CaughtPair, ContactMemory, FrictionAnchor, Pushing, ReleasedContact, Still, Touching,
 };
 
 use super::*;
@@ -72,6 +72,12 @@ fn memory(anchors: u32) -> ContactMemory {
                 winding: -0.5,
             })
             .collect(),
+        still: [3, 0]
+            .map(|since| Still {
+                since,
+                place: DVec3::new(0.1, f64::from(since) / 7.0, -2.0),
+            })
+            .to_vec(),
     }
 }
 

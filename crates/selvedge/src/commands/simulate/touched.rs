@@ -27,6 +27,8 @@ pub(super) struct Touched {
     divisions: u64,
     /// Rounds in which vertices were held back.
     held_back: u64,
+    /// Frames in which the cloth rested, and nothing was solved.
+    resting: u64,
     /// Bodies that were let through the cloth, which they left no room.
     let_through: Vec<LetThrough>,
 }
@@ -58,6 +60,7 @@ pub(super) fn measure(
         repeated: counts.repeated,
         divisions: counts.divisions,
         held_back: counts.held_back,
+        resting: counts.resting,
         let_through: let_through(scene, yielded),
     })
 }
@@ -86,6 +89,9 @@ impl Touched {
                     self.solves, self.repeated, self.divisions
                 ),
             );
+        }
+        if self.resting > 0 {
+            facts.add("at rest", format!("{} frames, not solved", self.resting));
         }
     }
 }
