@@ -205,17 +205,29 @@ impl Contact {
         let count = collisions.list.len();
         let sorted = collisions.sorted;
         let mut place = 0;
-        let (end, caught) = (&self.end, &mut self.memory.caught);
+        self.forget_pulling(collisions);
+        let end = &self.end;
         collisions.list.retain(|collision| {
             let pulls = collision.pulls(|v| end[v]);
-            if pulls && collision.at.is_some() {
-                caught.retain(|caught| caught.of != collision.pair);
-            }
             collisions.sorted -= usize::from(pulls && place < sorted);
             place += 1;
             !pulls
         });
         collisions.list.len() < count
+    }
+
+    /// Forgets that solves missed the collisions that pulled in the last one. Gives the number of those that
+    /// pulled.
+    pub(super) fn forget_pulling(&mut self, collisions: &Collisions) -> usize {
+        let (end, caught) = (&self.end, &mut self.memory.caught);
+        let all = collisions.list.iter();
+        let pulling = all.filter(|collision| collision.pulls(|v| end[v]));
+        let forget = |collision: &Collision| {
+            if collision.at.is_some() {
+                caught.retain(|caught| caught.of != collision.pair);
+            }
+        };
+        pulling.map(forget).count()
     }
 
     /// Lets pairs that failed push in the next solve, harder than in the last. Returns false if
