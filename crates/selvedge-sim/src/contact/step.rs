@@ -133,6 +133,9 @@ impl Contact {
             if !(has_released || has_caught || has_slipped) && is_near {
                 break;
             }
+            if is_done {
+                self.release(collisions);
+            }
             self.counts.repeated += 1;
             is_near = if self.history == HistoryUse::Kept {
                 history.forget();
