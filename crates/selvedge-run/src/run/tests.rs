@@ -263,3 +263,27 @@ fn edges_too_short_for_the_substeps_are_warned_of() {
     );
     assert_eq!((said(0.01, 4), said(1.0, 2)), (None, None));
 }
+
+/// Handles of the cape of web/npm that jump in a frame, too slow to tear it: it comes along, through no
+/// body, strained beyond what cloth is measured for.
+#[test]
+fn handles_that_jump_are_warned_of() {
+    let cape = include_str!("../../../../web/npm/cape.toml");
+    let scene = Scene::parse(&cape.replace("vertices = 1000", "vertices = 150")).unwrap();
+    let jump = |far: f64| {
+        let mut run = Run::new(&scene).unwrap();
+        let places = run.handle_places();
+        let targets = places.into_iter().map(|place| place + far * DVec3::X);
+        let targets = HandleTargets::at_frame_end(targets.collect()).unwrap();
+        run.step_to(&targets).unwrap();
+        assert_eq!(run.solver().unwrap().intersection_count(), 0);
+        run.warnings().join("\n")
+    };
+    assert_eq!(jump(0.1), "");
+    let words = jump(2.0);
+    assert!(words.contains("strained by more than 50 %"), "{words}");
+    assert!(
+        words.contains("teleport the cloth where its handles"),
+        "{words}"
+    );
+}
