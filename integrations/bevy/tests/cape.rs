@@ -42,12 +42,7 @@ fn walk(
     if now == 0.0 {
         return;
     }
-    let angle = 0.65 * now
-        + if (now / 3.3) as u32 % 2 == 1 {
-            3.0
-        } else {
-            0.0
-        };
+    let angle = 0.65 * now + if (now / 3.3) as u32 % 2 == 1 { 3.0 } else { 0.0 };
     for mut place in &mut character {
         *place = Transform::from_xyz(2.0 * angle.sin(), 0.0, 2.0 * angle.cos());
         place.rotate_y(angle + std::f32::consts::FRAC_PI_2);
@@ -55,11 +50,7 @@ fn walk(
     let swing = |phase: f32| (5.5 * now + phase).sin();
     let begun = (now / 0.5).min(1.0);
     for (bone, mut place) in &mut bones {
-        let side = if bone.number % 2 == 1 {
-            0.0
-        } else {
-            std::f32::consts::PI
-        };
+        let side = if bone.number % 2 == 1 { 0.0 } else { std::f32::consts::PI };
         let lean = begun
             * match bone.number {
                 0 => 0.05 * swing(0.0),
