@@ -91,8 +91,9 @@ pub fn mean_vertex_error(a: Frames<'_>, b: Frames<'_>) -> Result<f64, Problem> {
 pub fn edge_length_rmse(a: Frames<'_>, b: Frames<'_>, topology: &Topology) -> Result<f64, Problem> {
     let (a, b) = common(a, b)?;
     check_mesh(a, topology)?;
-    let frames = a.iter().zip(b.iter());
-    Ok(rms(frames.flat_map(|(p, q)| edge_errors(p, q, topology))))
+    let square = |(p, q)| edge_errors(p, q, topology).map(|e| e * e).sum::<f64>();
+    let squares: f64 = a.iter().zip(b.iter()).map(square).sum();
+    Ok((squares / (a.len() * topology.edges().len()) as f64).sqrt())
 }
 
 /// The first frame of more than `frames` in a row whose largest strain, as from
@@ -114,7 +115,9 @@ pub fn diverged_frame(largest_strains: &[f64], limit: f64, frames: usize) -> Opt
 /// Mean length of the edges over all frames `[m]`.
 pub fn mean_edge_length(frames: Frames<'_>, topology: &Topology) -> Result<f64, Problem> {
     check_mesh(frames, topology)?;
-    Ok(mean(frames.iter().flat_map(|p| edge_lengths(p, topology))))
+    let lengths = |p| edge_lengths(p, topology).sum::<f64>();
+    let sum: f64 = frames.iter().map(lengths).sum();
+    Ok(sum / (frames.len() * topology.edges().len()) as f64)
 }
 
 /// Largest strain of each frame, max over edges of (l - l₀)/l₀, `[frames]`; `rest_lengths` `[m]`,
