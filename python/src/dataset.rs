@@ -209,11 +209,7 @@ impl Split {
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Call<'py>> {
         let inner = Arc::clone(&self.inner);
-        let name = if self.part == Part::Train {
-            "train"
-        } else {
-            "test"
-        };
+        let name = if self.part == Part::Train { "train" } else { "test" };
         let parts = (Py::new(py, Dataset { inner })?, name).into_pyobject(py)?;
         Ok((py.import("builtins")?.getattr("getattr")?, parts))
     }
@@ -222,11 +218,7 @@ impl Split {
         let entries = self.inner.entries(self.part);
         let entry = match which {
             Which::Number(number) => {
-                let place = if number < 0 {
-                    number + entries.len() as isize
-                } else {
-                    number
-                };
+                let place = if number < 0 { number + entries.len() as isize } else { number };
                 let place = usize::try_from(place).ok();
                 place.and_then(|place| entries.get(place)).ok_or_else(|| {
                     let count = entries.len();

@@ -42,9 +42,10 @@ impl Stop {
 
     /// Breaks a loop after the wish.
     pub(crate) fn flow(&self) -> ControlFlow<()> {
-        match self.flag.load(Ordering::Relaxed) {
-            true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
+        if self.flag.load(Ordering::Relaxed) {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
         }
     }
 
@@ -139,9 +140,9 @@ impl<'a> Progress<'a> {
         let Some(callback) = &self.callback else {
             return self.stop.flow();
         };
-        let told = (self.task.as_str(), self.done, self.goal);
+        let state = (self.task.as_str(), self.done, self.goal);
         call(callback, self.stop, |py| {
-            Ok(told.into_pyobject(py)?.unbind())
+            Ok(state.into_pyobject(py)?.unbind())
         });
         self.stop.flow()
     }

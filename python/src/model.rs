@@ -217,12 +217,13 @@ type Given<'py> = BTreeMap<String, Bound<'py, PyAny>>;
 fn given<'py>(state: &Bound<'py, PyDict>) -> PyResult<Given<'py>> {
     let mut given = BTreeMap::new();
     for (name, value) in state.iter() {
-        let value = match value.hasattr("detach")? {
-            true => value
+        let value = if value.hasattr("detach")? {
+            value
                 .call_method0("detach")?
                 .call_method0("cpu")?
-                .call_method0("numpy")?,
-            false => value,
+                .call_method0("numpy")?
+        } else {
+            value
         };
         given.insert(name.extract()?, value);
     }

@@ -483,10 +483,7 @@ impl Scene {
 
     /// The resolved scene as a dictionary, as results carry it; `None` where arrays are in it.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
-        match self.has_spec {
-            true => json::to_python(py, &self.loaded.spec).map(Some),
-            false => Ok(None),
-        }
+        if self.has_spec { json::to_python(py, &self.loaded.spec).map(Some) } else { Ok(None) }
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Call<'py>> {

@@ -166,16 +166,15 @@ impl Stepper {
             core.last = began.elapsed();
             moved
         };
-        let moved = match is_long {
-            false => py.detach(work),
-            true => {
-                let stop = Stop::with_flag(Arc::clone(&self.stop));
-                let moved = beside(py, &stop, work);
-                self.stop.store(false, Ordering::Relaxed);
-                // A step that came to its end in spite of a signal is shown.
-                self.show(py, &guard)?;
-                moved?
-            }
+        let moved = if is_long {
+            let stop = Stop::with_flag(Arc::clone(&self.stop));
+            let moved = beside(py, &stop, work);
+            self.stop.store(false, Ordering::Relaxed);
+            // A step that came to its end in spite of a signal is shown.
+            self.show(py, &guard)?;
+            moved?
+        } else {
+            py.detach(work)
         };
         moved.map_err(|error| step_failed(py, error))?;
         self.show(py, &guard)

@@ -232,11 +232,7 @@ impl Trajectory {
     #[pyo3(signature = (frame=-1, size=[960, 720]))]
     fn picture(&self, py: Python<'_>, frame: isize, size: [u32; 2]) -> PyResult<Picture> {
         let count = self.inner.frame_count();
-        let wanted = if frame < 0 {
-            frame + count as isize
-        } else {
-            frame
-        };
+        let wanted = if frame < 0 { frame + count as isize } else { frame };
         let wanted = usize::try_from(wanted).unwrap_or(usize::MAX);
         let png = py.detach(|| pictures::picture(&self.inner, wanted, size));
         Ok(Picture::of(png.map_err(raised)?))

@@ -1,12 +1,14 @@
 // Measures what docs/src/benchmarks.md says of the live viewer:
-// node tests/measure.mjs [start|drag|playback]
-// Needs the release build (or SELVEDGE=PATH) and Debian's Chromium; draws with software GL.
+// node tests/measure.mjs [start|drag|playback|page]
+// Needs the release build (or SELVEDGE=PATH), for `page` npm run build:static, and Debian's Chromium; draws with
+// software GL.
 import { spawnSync } from "node:child_process";
 import { mkdtempSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { browser, open, place, program, start, until } from "./browser.mjs";
 import { writeRecording } from "./recording.mjs";
+import { serve } from "./server.mjs";
 
 const what = process.argv.slice(2);
 const wanted = (name) => what.length === 0 || what.includes(name);
@@ -104,6 +106,24 @@ async function playback() {
   return { vertices, drawn, undrawn };
 }
 
+/** The page without a program, as it opens: its scene from the first step on, drawn and not. */
+async function pageTime() {
+  const served = await serve("dist");
+  const { context, close } = await browser(small);
+  const page = await open(context, served.url);
+  const found = {};
+  for (const name of ["drawn", "undrawn"]) {
+    if (name === "undrawn") await withoutDrawing(page);
+    await page.click("#reset");
+    await page.waitForTimeout(200);
+    found[name] = await pace(page, 4);
+  }
+  const { scene, step_ms } = await page.evaluate(() => ({ scene: document.querySelector("#scene").value, step_ms: window.selvedge.state.tracks[0].step_ms }));
+  await close();
+  await served.stop();
+  return { scene, step_ms, ...found };
+}
+
 /** Frames per second that arrive in the page, drawn or not. */
 async function taken(page, seconds) {
   await page.evaluate(() => {
@@ -125,3 +145,4 @@ console.log("load before:", spawnSync("cut", ["-d", " ", "-f1-3", "/proc/loadavg
 if (wanted("start")) console.log("start", await startTime());
 if (wanted("drag")) console.log("drag", await dragTime());
 if (wanted("playback")) console.log("playback", await playback());
+if (wanted("page")) console.log("page", await pageTime());

@@ -109,10 +109,10 @@ fn documents() -> Result<Vec<String>> {
         "--exclude-standard",
         "*.md",
     ]);
-    let told = git.current_dir(root()).output();
-    let told = told.context("cannot start git")?;
-    ensure!(told.status.success(), "git cannot list the documents");
-    let paths = String::from_utf8(told.stdout)?;
+    let listed = git.current_dir(root()).output();
+    let listed = listed.context("cannot start git")?;
+    ensure!(listed.status.success(), "git cannot list the documents");
+    let paths = String::from_utf8(listed.stdout)?;
     let is_there = |path: &&str| root().join(path).is_file();
     Ok(paths.lines().filter(is_there).map(str::to_owned).collect())
 }

@@ -57,9 +57,6 @@ pub(crate) fn by_model(
 
 /// A scene that cannot be made ready to move.
 fn fault(error: Error) -> Fault {
-    let status = match error.is_stopped() {
-        true => SelvedgeStatus::Stopped,
-        false => SelvedgeStatus::Start,
-    };
+    let status = if error.is_stopped() { SelvedgeStatus::Stopped } else { SelvedgeStatus::Start };
     Fault::of(status, error)
 }

@@ -23,10 +23,11 @@ pub unsafe extern "C" fn selvedge_model_open(
     out: *mut SelvedgeModel,
 ) -> SelvedgeStatus {
     call(|| {
-        let name = match path_or_name.is_null() {
-            true => None,
+        let name = if path_or_name.is_null() {
+            None
+        } else {
             // SAFETY: as for this function.
-            false => Some(unsafe { text(path_or_name, "path_or_name") }?),
+            Some(unsafe { text(path_or_name, "path_or_name") }?)
         };
         // SAFETY: likewise.
         unsafe { put(out, "out", 0) }?;

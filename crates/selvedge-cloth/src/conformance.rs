@@ -85,10 +85,7 @@ pub fn check_stop<S: Stepper>(make: impl Fn() -> S) -> Result<(), Breach> {
     let frame = pair.tried.frame();
     pair.tries("step that is to stop", |pair| {
         pair.stopped(Duration::ZERO)?;
-        match pair.tried.frame() == frame {
-            true => Ok(()),
-            false => accepted(),
-        }
+        if pair.tried.frame() == frame { Ok(()) } else { accepted() }
     })?;
     pair.tries("step after one that was to stop", Pair::good)
 }

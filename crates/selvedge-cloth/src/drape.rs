@@ -276,11 +276,7 @@ mod tests {
         // Beyond the clamp the radius is drawn in by a wave of eight folds.
         let wave = |angle: f64| 1.0 - 0.3 * (1.0 - (8.0 * angle).cos());
         let drape = measured(|r, angle| {
-            let r = if r > 0.09 {
-                0.09 + (r - 0.09) * wave(angle)
-            } else {
-                r
-            };
+            let r = if r > 0.09 { 0.09 + (r - 0.09) * wave(angle) } else { r };
             Vec3::new(
                 (r * angle.cos()) as f32,
                 (0.09 - r.max(0.09)) as f32,

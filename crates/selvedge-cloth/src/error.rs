@@ -40,10 +40,7 @@ pub fn require(
     expected: &str,
     found: impl Display,
 ) -> Result<(), SceneError> {
-    match holds {
-        true => Ok(()),
-        false => Err(must(field, expected, found)),
-    }
+    if holds { Ok(()) } else { Err(must(field, expected, found)) }
 }
 
 /// The error of a field that is not as `expected`.

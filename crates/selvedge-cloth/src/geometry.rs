@@ -52,11 +52,7 @@ pub fn dihedral_angle(from: DVec3, to: DVec3, left: DVec3, right: DVec3) -> f64 
     // sin θ · |n_l||n_r| = -(n_l × n_r) · ê, for wings that rise towards the normals.
     let sine = -normal_left.cross(normal_right).dot(along) / along.length();
     let cosine = normal_left.dot(normal_right);
-    if sine.is_finite() && (sine != 0.0 || cosine != 0.0) {
-        atan2(sine, cosine)
-    } else {
-        0.0
-    }
+    if sine.is_finite() && (sine != 0.0 || cosine != 0.0) { atan2(sine, cosine) } else { 0.0 }
 }
 
 /// Sine and cosine of `angle` `[rad]`, with the same bits on every system. A system's own differ in

@@ -254,9 +254,10 @@ impl HandleTargets {
         let place = (fraction.clamp(0.0, 1.0) * count).min(count);
         // A substep that falls on a sample reads it without rounding.
         let nearest = place.round();
-        match (place - nearest).abs() < 1e-9 {
-            true => (nearest as usize, 0.0),
-            false => (place.floor() as usize, place - place.floor()),
+        if (place - nearest).abs() < 1e-9 {
+            (nearest as usize, 0.0)
+        } else {
+            (place.floor() as usize, place - place.floor())
         }
     }
 

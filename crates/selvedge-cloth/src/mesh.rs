@@ -226,10 +226,8 @@ impl Mesh {
             let field = format!("the rest angle of edge {a}-{b}");
             return Err(must(field, "between -π and π", found).into());
         }
-        let rest_angles = match angles.iter().all(|angle| *angle == 0.0) {
-            true => Vec::new(),
-            false => angles,
-        };
+        let rest_angles =
+            if angles.iter().all(|angle| *angle == 0.0) { Vec::new() } else { angles };
         Ok(Self {
             rest_angles,
             ..self
@@ -307,11 +305,12 @@ impl Mesh {
 const FARTHEST: f64 = 1e15;
 
 fn check_count(what: &str, expected: usize, found: usize) -> Result<(), MeshError> {
-    match expected == found {
-        true => Ok(()),
-        false => Err(MeshError::Unusable(format!(
+    if expected == found {
+        Ok(())
+    } else {
+        Err(MeshError::Unusable(format!(
             "{what} has {found} entries for {expected} vertices"
-        ))),
+        )))
     }
 }
 
@@ -340,11 +339,12 @@ fn check_coordinate(
         return Ok(());
     }
     Err(MeshError::Unusable(
-        match coordinates.iter().all(|x| x.is_finite()) {
-            false => format!("{what} of vertex {vertex} is not finite: {found:?}"),
-            true => format!(
+        if coordinates.iter().all(|x| x.is_finite()) {
+            format!(
                 "{what} of vertex {vertex} is {found:?}, farther from the origin than 1e15 m, as no cloth is: check the unit of length, and the factors of the mesh"
-            ),
+            )
+        } else {
+            format!("{what} of vertex {vertex} is not finite: {found:?}")
         },
     ))
 }

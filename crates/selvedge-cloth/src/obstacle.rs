@@ -345,11 +345,7 @@ fn rigid_at(keys: &[RigidKey], time: f64) -> (DQuat, DVec3) {
     let last = keys.len() - 1;
     let (from, to) = (&keys[next.saturating_sub(1)], &keys[next.min(last)]);
     let length = to.time - from.time;
-    let part = if length > 0.0 {
-        ((time - from.time) / length).clamp(0.0, 1.0)
-    } else {
-        0.0
-    };
+    let part = if length > 0.0 { ((time - from.time) / length).clamp(0.0, 1.0) } else { 0.0 };
     (
         slerp(from.rotation, to.rotation, part),
         from.translation.lerp(to.translation, part),

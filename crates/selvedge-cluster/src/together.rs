@@ -20,9 +20,12 @@ pub fn share_of(count: usize, rank: usize, ranks: usize) -> Range<usize> {
 impl Ranks {
     /// The `bytes` of every rank, in their order, on rank 0; nothing on the others.
     pub fn gather(&self, bytes: Vec<u8>) -> Result<Vec<Vec<u8>>, ClusterError> {
-        self.timed(|| match self.is_first() {
-            true => self.hear_all(bytes),
-            false => self.send(0, Tag::GATHER, bytes).map(|()| Vec::new()),
+        self.timed(|| {
+            if self.is_first() {
+                self.hear_all(bytes)
+            } else {
+                self.send(0, Tag::GATHER, bytes).map(|()| Vec::new())
+            }
         })
     }
 

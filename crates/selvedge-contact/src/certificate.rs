@@ -62,11 +62,7 @@ impl Path {
     pub fn axis(&self, kind: Kind) -> DVec3 {
         let (above, below) = self.along_axes(kind);
         let axis = above.max(below).max_position();
-        let sign = if above[axis] >= below[axis] {
-            1.0
-        } else {
-            -1.0
-        };
+        let sign = if above[axis] >= below[axis] { 1.0 } else { -1.0 };
         DVec3::AXES[axis] * sign
     }
 

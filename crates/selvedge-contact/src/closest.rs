@@ -156,11 +156,7 @@ fn edge_edge(corners: [DVec3; 4]) -> [f64; 4] {
 /// `part` of `whole`, within 0 and 1; 0 of nothing.
 #[inline]
 fn ratio(part: f64, whole: f64) -> f64 {
-    if whole > 0.0 {
-        (part / whole).clamp(0.0, 1.0)
-    } else {
-        0.0
-    }
+    if whole > 0.0 { (part / whole).clamp(0.0, 1.0) } else { 0.0 }
 }
 
 /// A push on the four corners of a pair.

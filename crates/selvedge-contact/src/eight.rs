@@ -242,9 +242,12 @@ mod tests {
             let kind = [Kind::VertexFace, Kind::EdgeEdge][round % 2];
             let is_lattice = round % 3 == 0;
             let mut points = || -> Vec<DVec3> {
-                let mut number = || match is_lattice {
-                    true => f64::from(rng.random_range(-1_i32..2)),
-                    false => rng.random_range(-1.0..1.0),
+                let mut number = || {
+                    if is_lattice {
+                        f64::from(rng.random_range(-1_i32..2))
+                    } else {
+                        rng.random_range(-1.0..1.0)
+                    }
                 };
                 (0..12)
                     .map(|_| DVec3::new(number(), number(), number()))

@@ -28,9 +28,10 @@ impl Candidates {
         let mut test = |a: u32, b: u32, _| {
             let [of_a, of_b] = [a, b].map(corners);
             let radius = mesh.radii()[of_b[0] as usize];
-            let meet = match radius > 0.0 {
-                true => comes_within(radius, points, of_a, of_b),
-                false => triangles_meet(points, of_a, of_b),
+            let meet = if radius > 0.0 {
+                comes_within(radius, points, of_a, of_b)
+            } else {
+                triangles_meet(points, of_a, of_b)
             };
             if meet && !self.released().frees(mesh, &corners(a), &corners(b)) {
                 let faces = [a.min(b), a.max(b)];

@@ -149,9 +149,8 @@ impl ProductKind {
             numbers(&put, "\n    ")
         };
         // Neighbouring lanes read neighbouring numbers.
-        let places = |transposed: bool| match transposed {
-            true => ["low", "high"],
-            false => ["high", "low"],
+        let places = |transposed: bool| {
+            if transposed { ["low", "high"] } else { ["high", "low"] }
         };
         let ([a_deep, a_wide], [b_deep, b_wide]) =
             (places(!self.a_transposed), places(self.b_transposed));
@@ -166,14 +165,9 @@ impl ProductKind {
             }
             EpilogueKind::Mask => "select(0.0, value, m[p.mask + row * p.columns + n] > 0.0)",
         };
-        let loads = match self.a_transposed {
-            true => "a_memory(k, row)",
-            false => "a_memory(row, k)",
-        };
-        let b_load = match self.b_transposed {
-            true => "m[first + n * ld + k]",
-            false => "m[first + k * ld + n]",
-        };
+        let loads = if self.a_transposed { "a_memory(k, row)" } else { "a_memory(row, k)" };
+        let b_load =
+            if self.b_transposed { "m[first + n * ld + k]" } else { "m[first + k * ld + n]" };
         let source = include_str!("kernels/product.wgsl");
         [
             ("A_LOAD", loads),

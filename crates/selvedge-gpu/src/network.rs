@@ -159,9 +159,10 @@ impl<'a> Lowering<'a> {
         let rows = [0, 1].map(|kind| self.rows(kind) * latent);
         let room = |plan: &mut Plan| rows.map(|count| plan.numbers(count));
         let blocks = self.spec.blocks;
-        let latent = match keeps {
-            true => (0..=blocks).map(|_| room(self.plan)).collect(),
-            false => vec![room(self.plan); blocks + 1],
+        let latent = if keeps {
+            (0..=blocks).map(|_| room(self.plan)).collect()
+        } else {
+            vec![room(self.plan); blocks + 1]
         };
         Frame {
             input: self.input(),
@@ -253,21 +254,18 @@ impl<'a> Lowering<'a> {
     fn encode(&mut self, kind: Kind, frame: &Frame, states: &States) {
         let (path, out) = (ENCODERS[kind], frame.latent[0][kind]);
         let latent = self.spec.latent;
-        let norm = match self.spec.encoder.is_recurrent() {
-            false => {
-                let width = self.width(kind);
-                let x = Matrix::new(frame.input[kind], width);
-                self.first_layer(kind, path, x.into(), width);
-                self.later_layers(kind, path, None);
-                self.norm(kind, &format!("{path}.5"))
-            }
-            true => {
-                let last = self.recurrent(kind, frame, states);
-                let (x, out) = (self.latent(last).into(), self.activations[kind].normal);
-                let name = format!("{path}.linear");
-                self.layer(kind, &name, (x, latent), (out, latent), Epilogue::Bias);
-                self.norm(kind, &format!("{path}.norm"))
-            }
+        let norm = if self.spec.encoder.is_recurrent() {
+            let last = self.recurrent(kind, frame, states);
+            let (x, out) = (self.latent(last).into(), self.activations[kind].normal);
+            let name = format!("{path}.linear");
+            self.layer(kind, &name, (x, latent), (out, latent), Epilogue::Bias);
+            self.norm(kind, &format!("{path}.norm"))
+        } else {
+            let width = self.width(kind);
+            let x = Matrix::new(frame.input[kind], width);
+            self.first_layer(kind, path, x.into(), width);
+            self.later_layers(kind, path, None);
+            self.norm(kind, &format!("{path}.5"))
         };
         self.launches.push(norm.launch(None, out, None));
     }
@@ -403,9 +401,10 @@ impl<'a> Lowering<'a> {
             self.arc_backward(block, frame, to);
         }
         for kind in [0, 1] {
-            match self.spec.encoder.is_recurrent() {
-                false => self.encode_backward(kind, frame, to, to_input),
-                true => self.recurrent_backward(kind, frame, to, to_input),
+            if self.spec.encoder.is_recurrent() {
+                self.recurrent_backward(kind, frame, to, to_input)
+            } else {
+                self.encode_backward(kind, frame, to, to_input)
             }
         }
     }
@@ -725,10 +724,7 @@ impl<'a> Lowering<'a> {
 
     /// Room for the states of an encoder of a kind.
     fn states(&mut self, kind: Kind, frame: &Frame, keep: Keep) -> States {
-        let steps = match self.spec.encoder.is_recurrent() {
-            true => self.spec.window(),
-            false => 0,
-        };
+        let steps = if self.spec.encoder.is_recurrent() { self.spec.window() } else { 0 };
         let count = self.rows(kind) * self.spec.latent;
         let mut of_steps = |rooms: usize, size: usize| -> Vec<Region> {
             let rooms = rooms.min(steps);

@@ -67,11 +67,7 @@ fn off(found: &[f32], expected: &[f64]) -> f64 {
     let pairs = found.iter().zip(expected);
     let most = pairs.fold(0.0_f64, |most, (&x, y)| {
         let off = (f64::from(x) - y).abs();
-        if off.is_nan() {
-            f64::INFINITY
-        } else {
-            most.max(off)
-        }
+        if off.is_nan() { f64::INFINITY } else { most.max(off) }
     });
     most / largest.max(f64::MIN_POSITIVE)
 }

@@ -267,11 +267,12 @@ impl<S: Correctable> Guard<S> {
 
     /// Drops a frame whose physics may have been stopped.
     fn check_stop(&self) -> Result<(), StepError> {
-        match self.stop.is_wanted() {
-            true => Err(StepError::Stopped {
+        if self.stop.is_wanted() {
+            Err(StepError::Stopped {
                 frame: self.trust.frame,
-            }),
-            false => Ok(()),
+            })
+        } else {
+            Ok(())
         }
     }
 

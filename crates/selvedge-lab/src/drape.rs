@@ -283,9 +283,8 @@ pub fn fit(order: &FitOrder<'_>, on_event: &mut OnEvent<'_>) -> Result<Fitted> {
         if tries == order.tries || task.is_stopped() {
             return Ok(None);
         }
-        let mut quiet = |_: Event<'_>| match task.is_stopped() {
-            true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
+        let mut quiet = |_: Event<'_>| {
+            if task.is_stopped() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
         let Some((_, found)) = order.test.run(&fabric(order, logs), &mut quiet)? else {
             return Ok(None);
@@ -341,11 +340,7 @@ pub fn fit(order: &FitOrder<'_>, on_event: &mut OnEvent<'_>) -> Result<Fitted> {
         fitted,
         checked,
         tries,
-        end: if is_stopped {
-            End::Interrupted
-        } else {
-            End::Complete
-        },
+        end: if is_stopped { End::Interrupted } else { End::Complete },
     })
 }
 
@@ -498,23 +493,23 @@ mod tests {
             },
             tries: 4,
         };
-        let mut deaf = |_: Event<'_>| ControlFlow::Continue(());
+        let mut ignore_events = |_: Event<'_>| ControlFlow::Continue(());
         let once = fit(
             &FitOrder {
                 tries: 1,
                 ..order.clone()
             },
-            &mut deaf,
+            &mut ignore_events,
         )
         .unwrap();
-        let more = fit(&order, &mut deaf).unwrap();
+        let more = fit(&order, &mut ignore_events).unwrap();
         assert!(more.tries <= 4 && more.misfit <= once.misfit);
         assert_eq!(more.checked.map(|drapes| drapes.coefficient[0]), Some(0.93));
         let other = FitOrder {
             fabric: "8",
             ..order.clone()
         };
-        let error = fit(&other, &mut deaf).unwrap_err().to_string();
+        let error = fit(&other, &mut ignore_events).unwrap_err().to_string();
         assert!(error.contains("no fabric \"8\", but 7"), "{error}");
     }
 }

@@ -155,11 +155,7 @@ pub fn run_of_frames<'a>(
         frame_rate,
     )?;
     let bodies = trajectory.obstacles().iter().map(|obstacle| {
-        let taken = if obstacle.is_still() {
-            &frames[..1]
-        } else {
-            frames
-        };
+        let taken = if obstacle.is_still() { &frames[..1] } else { frames };
         let points = taken.iter().map(|&frame| obstacle.frame(frame));
         Body::new(obstacle.faces(), points)
     });

@@ -46,9 +46,5 @@ pub fn kind_of(faces: &[[u32; 3]], points: &[glam::Vec3]) -> BodyKind {
     let heights = points.iter().map(|p| p.y);
     let low = heights.clone().fold(f32::INFINITY, f32::min);
     let high = heights.fold(f32::NEG_INFINITY, f32::max);
-    if faces.len() == 2 && high - low < 1e-4 {
-        BodyKind::Floor
-    } else {
-        BodyKind::Thing
-    }
+    if faces.len() == 2 && high - low < 1e-4 { BodyKind::Floor } else { BodyKind::Thing }
 }

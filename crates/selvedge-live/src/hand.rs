@@ -40,11 +40,7 @@ impl HandLimits {
     /// The limits nearest to these that a hand can have: 0.05 to 10 m/s and 0.5 to 100 m/s².
     pub fn clamped(speed: f64, acceleration: f64) -> Self {
         let within = |value: f64, low: f64, high: f64, other: f64| {
-            if value.is_nan() {
-                other
-            } else {
-                value.clamp(low, high)
-            }
+            if value.is_nan() { other } else { value.clamp(low, high) }
         };
         let default = Self::default();
         Self {
@@ -241,11 +237,7 @@ impl Hands {
         let asked = push.direction.length().min(1.0) + turning.abs();
         let share = limits.speed / asked.max(1.0);
         let drift = push.direction.clamp_length_max(1.0) * share;
-        let spin = if reach > 0.0 {
-            turning * share / reach
-        } else {
-            0.0
-        };
+        let spin = if reach > 0.0 { turning * share / reach } else { 0.0 };
         let most = limits.acceleration * dt;
         let change = (drift - self.drift, spin - self.spin);
         let wanted = change.0.length() + change.1.abs() * reach;

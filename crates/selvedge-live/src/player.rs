@@ -179,8 +179,8 @@ mod tests {
             (track("b", cut, 60.0), "material coordinates"),
         ] {
             let text = beside(other).unwrap_err().to_string();
-            let told = format!("a and b have different {what}:");
-            assert!(text.starts_with(&told), "{text}");
+            let expected = format!("a and b have different {what}:");
+            assert!(text.starts_with(&expected), "{text}");
         }
     }
 }

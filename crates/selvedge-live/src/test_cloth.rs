@@ -198,7 +198,7 @@ struct ScriptedStepper {
     positions: Vec<Vec3>,
     frame: usize,
     /// The place that each handle was told `[m]`, whether it held, and its distance, `[handles]`.
-    told: Vec<Vec3>,
+    targets: Vec<Vec3>,
     held: Vec<bool>,
     offsets: Vec<Vec3>,
     /// Distances of the bodies from their own paths `[m]`, `[bodies]`, and those of the last frame
@@ -214,7 +214,7 @@ impl ScriptedStepper {
         Self {
             kind,
             of,
-            told: handles.select(&positions),
+            targets: handles.select(&positions),
             held: vec![true; handles.len()],
             offsets: vec![Vec3::ZERO; handles.len()],
             cloth: cloth().with_handles(handles).unwrap(),
@@ -274,11 +274,11 @@ impl Stepper for ScriptedStepper {
             let (vertex, target) = (vertex.index(), targets.end()[handle].as_vec3());
             if targets.holds(handle) {
                 if !self.held[handle] {
-                    self.offsets[handle] = before[vertex] - self.told[handle];
+                    self.offsets[handle] = before[vertex] - self.targets[handle];
                 }
                 self.positions[vertex] = target + self.offsets[handle];
             }
-            self.told[handle] = target;
+            self.targets[handle] = target;
             self.held[handle] = targets.holds(handle);
         }
         self.frame += 1;

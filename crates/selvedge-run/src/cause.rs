@@ -6,7 +6,7 @@ use std::error::Error;
 /// The messages from the outermost to the cause. Many errors already quote their cause: a message
 /// that stands in the one before is left out.
 pub fn chain(error: &(dyn Error + 'static)) -> String {
-    let mut told = String::new();
+    let mut text = String::new();
     let mut last = String::new();
     let mut next = Some(error);
     while let Some(cause) = next {
@@ -15,13 +15,13 @@ pub fn chain(error: &(dyn Error + 'static)) -> String {
         if last.contains(message.trim()) {
             continue;
         }
-        if !told.is_empty() {
-            told.push_str(": ");
+        if !text.is_empty() {
+            text.push_str(": ");
         }
-        told.push_str(&bounded(message.trim()));
+        text.push_str(&bounded(message.trim()));
         last = message;
     }
-    told
+    text
 }
 
 /// Bytes of a message that are shown: of its beginning, and of its end, where the cause stands.

@@ -75,10 +75,7 @@ impl DeviceName {
 /// once more from the beginning where there are more ranks. A card that is not there stays so.
 #[cfg(any(feature = "gpu", test))]
 fn card_of(first: usize, local: usize, cards: usize) -> usize {
-    match first < cards {
-        true => (first + local) % cards,
-        false => first,
-    }
+    if first < cards { (first + local) % cards } else { first }
 }
 
 #[cfg(not(feature = "gpu"))]

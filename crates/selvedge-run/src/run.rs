@@ -24,7 +24,7 @@ use crate::event::Listener;
 use crate::machine::Machine;
 #[cfg(feature = "learned")]
 use crate::models::Model;
-use crate::scene::{Scene, deaf};
+use crate::scene::{Scene, ignore_events};
 use crate::start::{self, Start};
 use crate::strain::StrainWatch;
 use crate::through::let_through;
@@ -96,7 +96,7 @@ impl Run {
     /// # Errors
     /// A start that cannot be had, or a scene that the solver cannot move; what helps is said.
     pub fn new(scene: &Scene) -> Result<Self, Error> {
-        Self::begin(scene, &mut deaf)
+        Self::begin(scene, &mut ignore_events)
     }
 
     /// Lets a network move the cloth on the processor, under the usual guard, from its rest pose.
@@ -110,7 +110,7 @@ impl Run {
             machine: &Machine::Cpu,
             guard: Correction::default(),
         };
-        Self::begin_model(scene, network, &mut deaf)
+        Self::begin_model(scene, network, &mut ignore_events)
     }
 
     /// Lets any stepper move the cloth of `scene`, from where it is.

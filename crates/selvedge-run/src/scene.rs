@@ -58,12 +58,11 @@ impl Scene {
     /// handles; without handles where the mesh stands.
     #[must_use]
     pub fn of(built: Built) -> Self {
-        match built.handles.is_empty() {
-            true => {
-                let positions = built.mesh.positions().to_vec();
-                Self::at(built, positions)
-            }
-            false => Self::begun(built, Begins::Rest),
+        if built.handles.is_empty() {
+            let positions = built.mesh.positions().to_vec();
+            Self::at(built, positions)
+        } else {
+            Self::begun(built, Begins::Rest)
         }
     }
 
@@ -204,8 +203,8 @@ impl Scene {
     }
 }
 
-/// A listener that hears nothing.
-pub(crate) fn deaf(_: crate::Event<'_>) -> ControlFlow<()> {
+/// A listener that does nothing.
+pub(crate) fn ignore_events(_: crate::Event<'_>) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 

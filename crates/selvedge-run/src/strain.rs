@@ -80,7 +80,7 @@ impl StrainWatch {
         let (most, frame, [a, b]) = self.worst?;
         let (percent, bound) = (100.0 * most, scene.physics.max_strain);
         Some(format!(
-            "in {} frames edges are strained by more than {:.0} %, the edge from vertex {a} to {b} by {percent:.0} % in frame {frame} after the start: fabrics are not measured so far, and tear; use less wind, slower handles or handles closer together, or a lower physics.max_strain ({bound} now) to stop there",
+            "in {} frames edges are strained by more than {:.0} %, the edge from vertex {a} to {b} by {percent:.0} % in frame {frame} after the start: fabrics are not measured so far, and tear; use less wind, slower handles or handles closer together, teleport the cloth where its handles are set elsewhere at once, or lower physics.max_strain ({bound} now) to stop there",
             self.beyond,
             100.0 * WARNED_STRAIN
         ))

@@ -261,10 +261,7 @@ fn scale(springs: &[FreeEdge], handles: &Handles, positions: &mut [DVec3]) {
         return;
     }
     let held = handles.mask(positions.len());
-    let fixed = match handles.is_empty() {
-        true => positions.to_vec(),
-        false => handles.select(positions),
-    };
+    let fixed = if handles.is_empty() { positions.to_vec() } else { handles.select(positions) };
     let middle = fixed.iter().sum::<DVec3>() / fixed.len() as f64;
     for (position, held) in positions.iter_mut().zip(held) {
         if !held {
@@ -303,7 +300,7 @@ fn project(
 ) -> Result<(), FitError> {
     let mut best = (strain_rms(springs, positions), 0);
     let mut kept = positions.to_vec();
-    let mut told = Instant::now();
+    let mut reported = Instant::now();
     for number in 0..MOST_PASSES {
         let is_close = best.1 + 1 == number && largest_strain(springs, positions) <= CLOSE;
         if best.0 == 0.0 || is_close || number > best.1 + PATIENCE {
@@ -316,8 +313,8 @@ fn project(
             best = (rms, number);
             kept.copy_from_slice(positions);
         }
-        if number % BEAT == 0 || told.elapsed() > stop::BEAT {
-            told = Instant::now();
+        if number % BEAT == 0 || reported.elapsed() > stop::BEAT {
+            reported = Instant::now();
             let strain = largest_strain(springs, positions);
             let done = 0.5 * f64::from(number) / f64::from(MOST_PASSES);
             tell(progress, FitProgress::at(done, strain))?;

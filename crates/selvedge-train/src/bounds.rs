@@ -41,10 +41,11 @@ pub(crate) fn require(
     expected: impl std::fmt::Display,
     found: impl std::fmt::Display,
 ) -> Result<(), ConfigError> {
-    match holds {
-        true => Ok(()),
-        false => Err(ConfigError(format!(
+    if holds {
+        Ok(())
+    } else {
+        Err(ConfigError(format!(
             "{field} must be {expected}, found {found}"
-        ))),
+        )))
     }
 }

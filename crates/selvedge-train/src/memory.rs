@@ -52,9 +52,10 @@ pub(crate) fn check_memory(
         available: available_memory(),
         samples,
     };
-    match need.slots + need.weights + need.trajectories <= need.available {
-        true => Ok(()),
-        false => Err(need),
+    if need.slots + need.weights + need.trajectories <= need.available {
+        Ok(())
+    } else {
+        Err(need)
     }
 }
 
@@ -64,10 +65,7 @@ fn of_slots(cfg: &TrainConfig, micro_batches: usize, vertices: usize) -> f64 {
     let (spec, frames) = (&cfg.model, cfg.unroll.most());
     let (latent, blocks, window) = (spec.latent, spec.blocks, spec.window());
     // Two hidden layers and the output of a perceptron; states and gates of two recurrent layers.
-    let encoder = match spec.encoder.is_recurrent() {
-        false => 3 * latent,
-        true => 11 * window * latent,
-    };
+    let encoder = if spec.encoder.is_recurrent() { 11 * window * latent } else { 3 * latent };
     let of_vertex = encoder + (7 + 5 * blocks) * latent + window * spec.node_width();
     let of_arc = encoder + (2 + 4 * blocks) * latent + window * spec.edge_width();
     let kept = NUMBER * vertices as f64 * (of_vertex as f64 + ARCS * of_arc as f64);

@@ -180,12 +180,12 @@ fn agree(trainer: &Trainer, folder: &Path, own: Wishes) -> Result<Wishes, RunErr
     if !trainer.ranks().are_several() {
         return Ok(own);
     }
-    let told = [own.stop, own.save, own.end].map(u8::from).to_vec();
-    let all = trainer.ranks().gather_for_all(told);
+    let bits = [own.stop, own.save, own.end].map(u8::from).to_vec();
+    let all = trainer.ranks().gather_for_all(bits);
     let all = all.map_err(|error| failed(folder, error.into()))?;
     let of_first = |wish: usize| all[0].get(wish) == Some(&1);
     Ok(Wishes {
-        stop: all.iter().any(|told| told.first() == Some(&1)),
+        stop: all.iter().any(|bits| bits.first() == Some(&1)),
         save: of_first(1),
         end: of_first(2),
     })

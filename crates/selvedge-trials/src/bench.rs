@@ -130,10 +130,7 @@ impl Bench {
                 Some(kept) => repository().join(kept),
                 None => self.folder.join(seed),
             };
-            match path.is_dir() {
-                true => paths.extend(files_in(&path, ".toml")?),
-                false => paths.push(path),
-            }
+            if path.is_dir() { paths.extend(files_in(&path, ".toml")?) } else { paths.push(path) }
         }
         if corpus.join(target.name).is_dir() {
             paths.extend(files_in(&corpus.join(target.name), "")?);

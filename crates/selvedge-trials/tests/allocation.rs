@@ -84,17 +84,14 @@ fn frames_after_the_first_allocate_nothing() {
     let cases = ["paper", "paper-gru5"].map(|name| [(name, false), (name, true)]);
     for (name, is_guarded) in cases.into_iter().flatten() {
         let model = selvedge::Model::open(Some(Path::new(name))).unwrap();
-        let mut stepper: Box<dyn Stepper + Send> = match is_guarded {
-            false => {
-                let graph = ClothGraph::new(&cloth, scene.environment, scene.frame_rate);
-                let rest = cloth.rest_positions();
-                Box::new(LearnedStepper::new(model.model, graph.unwrap(), &[rest]).unwrap())
-            }
-            true => {
-                let (known, settings) = (Arc::new(scene.clone()), Correction::default());
-                let rest = &rest.positions;
-                Box::new(start::guarded(&known, rest, &model, &Machine::Cpu, settings).unwrap())
-            }
+        let mut stepper: Box<dyn Stepper + Send> = if is_guarded {
+            let (known, settings) = (Arc::new(scene.clone()), Correction::default());
+            let rest = &rest.positions;
+            Box::new(start::guarded(&known, rest, &model, &Machine::Cpu, settings).unwrap())
+        } else {
+            let graph = ClothGraph::new(&cloth, scene.environment, scene.frame_rate);
+            let rest = cloth.rest_positions();
+            Box::new(LearnedStepper::new(model.model, graph.unwrap(), &[rest]).unwrap())
         };
         let counts = pool.install(|| quiet_round(scene, &mut *stepper, &rest.positions));
         assert_eq!(counts.last(), Some(&0), "{name} {is_guarded}: {counts:?}");

@@ -140,16 +140,17 @@ fn beginning(
     if !is_held {
         remarks.push("nothing holds this cloth: it falls".to_owned());
     }
-    let found = match !is_held && scene.begins_at_rest() {
-        true => None,
-        false => match start(&scene, progress) {
+    let found = if !is_held && scene.begins_at_rest() {
+        None
+    } else {
+        match start(&scene, progress) {
             Err(error) if is_without_rest(&error) => {
                 let problem = cause::chain(&error);
                 remarks.push(format!("{problem}: its mesh takes the place"));
                 None
             }
             found => Some(found?),
-        },
+        }
     };
     let Some(found) = found else {
         let mesh = loaded.scene.mesh.positions().to_vec();

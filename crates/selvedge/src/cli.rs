@@ -58,11 +58,7 @@ pub(crate) struct Cli {
 impl Cli {
     /// The reader of the answer.
     pub(crate) fn reader(&self) -> Reader {
-        if self.json {
-            Reader::Program
-        } else {
-            Reader::Person
-        }
+        if self.json { Reader::Program } else { Reader::Person }
     }
 }
 

@@ -77,9 +77,10 @@ impl Export {
             check_free(&path.with_extension("obj"))?;
         }
         let is_folder = named != Some(format);
-        match is_folder && matches!(format, FormatName::Obj | FormatName::Png) {
-            true => place::check_new_folder(path)?,
-            false => place::check_new_file(path)?,
+        if is_folder && matches!(format, FormatName::Obj | FormatName::Png) {
+            place::check_new_folder(path)?
+        } else {
+            place::check_new_file(path)?
         }
         if format == FormatName::Mp4 {
             film::check_ffmpeg()?;
@@ -230,10 +231,7 @@ impl Export {
         let what = format!("writing {}", self.path.display());
         let progress = Progress::new(what, frames, "frames");
         let is_complete = export(trajectory, &self.path, &options, &mut || progress.step())?;
-        Ok(match is_complete {
-            true => End::Complete,
-            false => End::Interrupted,
-        })
+        Ok(if is_complete { End::Complete } else { End::Interrupted })
     }
 }
 

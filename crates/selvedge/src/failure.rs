@@ -17,10 +17,7 @@ pub(crate) fn wrong(problem: impl Into<String>) -> anyhow::Error {
 
 /// The exit code of the program.
 pub(crate) fn exit_code(error: &anyhow::Error) -> u8 {
-    match error.is::<ChoiceError>() {
-        true => WRONG_USAGE,
-        false => FAILED,
-    }
+    if error.is::<ChoiceError>() { WRONG_USAGE } else { FAILED }
 }
 
 /// Tells a person.

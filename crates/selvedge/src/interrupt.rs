@@ -98,9 +98,5 @@ pub(crate) fn requested_by_now() -> bool {
 
 /// Breaks a loop after the first press.
 pub(crate) fn flow() -> ControlFlow<()> {
-    if requested() {
-        ControlFlow::Break(())
-    } else {
-        ControlFlow::Continue(())
-    }
+    if requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
 }

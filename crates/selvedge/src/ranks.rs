@@ -24,20 +24,22 @@ pub(crate) fn open(shares: bool) -> anyhow::Result<()> {
     }
     // A rank that ends early takes the others with it.
     interrupt::keep_results();
-    match shares {
-        true => Ok(()),
-        false => Err(wrong(
+    if shares {
+        Ok(())
+    } else {
+        Err(wrong(
             "this command is of one rank: start it without mpirun; train runs on several, and \
              data generate and study share their work with --shard",
-        )),
+        ))
     }
 }
 
 #[cfg(feature = "mpi")]
 fn joined() -> anyhow::Result<Ranks> {
-    match selvedge_cluster::is_launched() {
-        true => Ok(selvedge_cluster::open_mpi()?),
-        false => Ok(Ranks::alone()),
+    if selvedge_cluster::is_launched() {
+        Ok(selvedge_cluster::open_mpi()?)
+    } else {
+        Ok(Ranks::alone())
     }
 }
 
@@ -67,10 +69,7 @@ pub(crate) fn leave(failure: Option<&anyhow::Error>) -> Option<u8> {
     }
     let Some(error) = failure else {
         // The launcher ends the others where one was killed: that is no press of Ctrl-C.
-        let all_there = match ranks.is_first() {
-            true => ranks.check_all_there(),
-            false => Ok(()),
-        };
+        let all_there = if ranks.is_first() { ranks.check_all_there() } else { Ok(()) };
         let error = all_there.and_then(|()| ranks.leave()).err()?;
         // What another rank has to say, it says itself; one that was killed cannot.
         if matches!(error, ClusterError::Gone { .. }) {

@@ -23,10 +23,7 @@ impl Cloth {
     /// pose may take a second.
     #[wasm_bindgen(constructor)]
     pub fn new(scene: &str, model: Option<String>) -> Result<Cloth, JsError> {
-        let scene = match scene.contains('\n') {
-            true => Scene::parse(scene),
-            false => Scene::named(scene),
-        };
+        let scene = if scene.contains('\n') { Scene::parse(scene) } else { Scene::named(scene) };
         let scene = scene.map_err(js_error)?;
         let run = match model {
             None => Run::new(&scene),

@@ -26,9 +26,10 @@ struct Section {
 pub(crate) fn check(tree: &Tree) -> Vec<Violation> {
     let in_code = labels_in_code(tree);
     let Some(document) = tree.text(DOCUMENT) else {
-        return match in_code.is_empty() {
-            true => Vec::new(),
-            false => vec![Violation::new(DOCUMENT, 0, "missing", "write it")],
+        return if in_code.is_empty() {
+            Vec::new()
+        } else {
+            vec![Violation::new(DOCUMENT, 0, "missing", "write it")]
         };
     };
     let sections = sections_of(&document.text);

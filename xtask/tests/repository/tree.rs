@@ -38,14 +38,14 @@ impl Tree {
             "--others",
             "--exclude-standard",
         ]);
-        let told = git.current_dir(root).output().context("cannot start git")?;
+        let listed = git.current_dir(root).output().context("cannot start git")?;
         ensure!(
-            told.status.success(),
+            listed.status.success(),
             "git cannot list the files of {}",
             root.display()
         );
         let mut tree = Self::default();
-        let paths: BTreeSet<&str> = str::from_utf8(&told.stdout)?
+        let paths: BTreeSet<&str> = str::from_utf8(&listed.stdout)?
             .split_terminator('\0')
             .collect();
         for path in paths {

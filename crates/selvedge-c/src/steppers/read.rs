@@ -207,8 +207,5 @@ fn with(stepper: SelvedgeStepper, read: impl FnOnce(&Run) -> Result<(), Fault>) 
 }
 
 fn check(unit: &str, wanted: usize, found: usize) -> Result<(), Fault> {
-    match wanted == found {
-        true => Ok(()),
-        false => Err(Fault::count(unit, unit, wanted, found)),
-    }
+    if wanted == found { Ok(()) } else { Err(Fault::count(unit, unit, wanted, found)) }
 }

@@ -93,8 +93,8 @@ impl TestFolder {
         command.current_dir(self.folder.path());
         command.env("LD_LIBRARY_PATH", built());
         let output = command.output().unwrap();
-        let [said, told] = [&output.stdout, &output.stderr].map(|b| String::from_utf8_lossy(b));
-        assert!(output.status.success(), "{command:?}: {said}{told}");
+        let [said, errors] = [&output.stdout, &output.stderr].map(|b| String::from_utf8_lossy(b));
+        assert!(output.status.success(), "{command:?}: {said}{errors}");
         said.into_owned()
     }
 
@@ -140,9 +140,10 @@ impl TestFolder {
         cc.args(flags).arg("-o").arg(&program);
         cc.arg("-L").arg(built()).args(["-lselvedge_c", "-lm"]);
         let output = cc.output().unwrap();
-        match output.status.success() {
-            true => Ok(program),
-            false => Err(String::from_utf8_lossy(&output.stderr).into_owned()),
+        if output.status.success() {
+            Ok(program)
+        } else {
+            Err(String::from_utf8_lossy(&output.stderr).into_owned())
         }
     }
 

@@ -23,11 +23,7 @@ fn two_panels() -> Mesh {
         .map(|(number, face)| {
             face.map(|v: u32| {
                 let flat = positions[v as usize].truncate();
-                if number < 2 {
-                    flat
-                } else {
-                    DVec2::new(5.0 - flat.y, flat.x)
-                }
+                if number < 2 { flat } else { DVec2::new(5.0 - flat.y, flat.x) }
             })
         })
         .collect();

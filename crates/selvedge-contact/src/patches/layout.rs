@@ -102,9 +102,10 @@ impl<'a> Layout<'a> {
                 }
                 let (fan, is_closed) = self.fan(face, corner);
                 let angle: f64 = fan.iter().map(|(f, k)| self.angle(*f, *k)).sum();
-                let is_reflex = match is_closed {
-                    true => (angle - std::f64::consts::TAU).abs() > STRAIGHT,
-                    false => angle > std::f64::consts::PI + STRAIGHT,
+                let is_reflex = if is_closed {
+                    (angle - std::f64::consts::TAU).abs() > STRAIGHT
+                } else {
+                    angle > std::f64::consts::PI + STRAIGHT
                 };
                 for (f, k) in fan {
                     is_done[f][k] = true;

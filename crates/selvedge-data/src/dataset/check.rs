@@ -66,9 +66,10 @@ fn check_file(folder: &Path, split: Split, entry: &Entry) -> Result<(), String> 
             "file {file:?} is not that of motion {motion:?}, {expected:?}"
         ));
     }
-    match folder.join(file).is_file() {
-        true => Ok(()),
-        false => Err(format!("file {file:?} is missing")),
+    if folder.join(file).is_file() {
+        Ok(())
+    } else {
+        Err(format!("file {file:?} is missing"))
     }
 }
 

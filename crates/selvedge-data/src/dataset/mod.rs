@@ -200,12 +200,15 @@ impl Dataset {
         let path = self.folder.join(&entry.file);
         let bytes = read_checked(&path, entry)?;
         let trajectory = Trajectory::from_bytes(&bytes).map_err(FileError::at(&path))?;
-        let agree = |expected: String, found: String| match expected == found {
-            true => Ok(()),
-            false => Err(Problem(format!(
-                "{}: has {found}, the index says {expected}: restore the file or the index, or make the data set again",
-                path.display()
-            ))),
+        let agree = |expected: String, found: String| {
+            if expected == found {
+                Ok(())
+            } else {
+                Err(Problem(format!(
+                    "{}: has {found}, the index says {expected}: restore the file or the index, or make the data set again",
+                    path.display()
+                )))
+            }
         };
         let size = |frames, vertices| format!("{frames} frames of {vertices} vertices");
         let found = size(trajectory.frame_count(), trajectory.vertex_count());

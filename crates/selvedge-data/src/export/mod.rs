@@ -46,10 +46,7 @@ pub fn export(
     let is_stopped = Cell::new(false);
     let beat = || {
         is_stopped.set((observe.borrow_mut())().is_break());
-        match is_stopped.get() {
-            false => Ok(()),
-            true => Err(io::Error::other("stopped")),
-        }
+        if is_stopped.get() { Err(io::Error::other("stopped")) } else { Ok(()) }
     };
     let take = Take::new(trajectory, options, &beat)?;
     for beside in files_beside(trajectory, options.format, path) {
@@ -77,12 +74,13 @@ pub fn export(
 /// # Errors
 /// [`Problem`] names the file that would be overwritten.
 pub fn check_free(path: &Path) -> Result<(), Problem> {
-    match path.exists() {
-        false => Ok(()),
-        true => Err(Problem(format!(
+    if path.exists() {
+        Err(Problem(format!(
             "{}: there is such a file already, and one of this name is written beside the one that was named: move it away, or choose another name",
             path.display()
-        ))),
+        )))
+    } else {
+        Ok(())
     }
 }
 

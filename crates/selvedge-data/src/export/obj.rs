@@ -51,9 +51,10 @@ pub(super) fn write_all(take: &Take<'_>, path: &Path) -> Result<(), Problem> {
         }
         for body in take.obstacles() {
             for number in 0..body.frame_count() {
-                let name = match body.is_still() {
-                    true => format!("{}.obj", body.name),
-                    false => format!("{}_{number:0width$}.obj", body.name),
+                let name = if body.is_still() {
+                    format!("{}.obj", body.name)
+                } else {
+                    format!("{}_{number:0width$}.obj", body.name)
                 };
                 write_body(&body, number, &folder.join(name))?;
             }

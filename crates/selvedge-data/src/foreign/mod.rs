@@ -227,9 +227,8 @@ fn runs_in(folder: &Path, test: &[String]) -> Result<Vec<ForeignRun>, FileError<
             runs.extend(runs_of(path, |_| *split)?);
         }
     } else {
-        let split = |name: &str| match test.iter().any(|t| t == name) {
-            true => Split::Test,
-            false => Split::Train,
+        let split = |name: &str| {
+            if test.iter().any(|t| t == name) { Split::Test } else { Split::Train }
         };
         runs = runs_of(folder, split)?;
         let is_there = |name: &&String| runs.iter().any(|run| run.name == **name);

@@ -17,11 +17,7 @@ pub(crate) fn unit_remedy(size: f64, key: &str) -> String {
         _ => (1000.0, ""),
     };
     let made = size * factor;
-    let made = if made < 0.01 {
-        format!("{made:.1e}")
-    } else {
-        format!("{made:.2}")
-    };
+    let made = if made < 0.01 { format!("{made:.1e}") } else { format!("{made:.2}") };
     format!("is its file in metres? {key} = {factor} makes it {made} m{from}")
 }
 

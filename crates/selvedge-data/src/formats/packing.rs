@@ -32,12 +32,13 @@ pub(crate) fn pack(bytes: &[u8]) -> Vec<u8> {
 /// Unpacks bytes, of which there must be `length`.
 pub(crate) fn unpack(packed: &[u8], length: usize) -> Result<Vec<u8>, String> {
     let all = unpack_at_most(packed, length)?;
-    match all.len() == length {
-        true => Ok(all),
-        false => Err(format!(
+    if all.len() == length {
+        Ok(all)
+    } else {
+        Err(format!(
             "has {} packed bytes where {length} should be",
             all.len()
-        )),
+        ))
     }
 }
 

@@ -2,12 +2,11 @@
 //! Two motions of one cloth are alike where the ratios of these numbers are near 1, wherever their
 //! folds may be.
 
-use glam::{DVec3, Vec3};
-use selvedge_cloth::geometry::dihedral_angle;
-use selvedge_cloth::{Cloth, Topology};
+use glam::DVec3;
+use selvedge_cloth::Cloth;
 use serde::{Deserialize, Serialize};
 
-use super::{check_mesh, edge_lengths};
+use super::{bends, check_mesh};
 use crate::Frames;
 use crate::formats::file_error::Problem;
 
@@ -128,19 +127,12 @@ fn difference(frames: Frames<'_>, weights: [f64; 4], masses: &[f32]) -> [f64; 2]
 
 /// Mean of |θ| over the interior edges, and sum of |θ| l over the area of the cloth.
 fn bending(frames: Frames<'_>, cloth: &Cloth) -> [f64; 2] {
-    let topology: &Topology = cloth.topology();
     let areas = cloth.face_area();
     let (mut angles, mut turned, mut area, mut count) = (0.0, 0.0, 0.0, 0_usize);
     for positions in frames.iter() {
-        for edge in topology.edges() {
-            let (left, Some(right)) = edge.opposite else {
-                continue;
-            };
-            let at = |vertex: selvedge_cloth::VertexId| positions[vertex.index()].as_dvec3();
-            let [from, to] = edge.vertices.map(at);
-            let angle = dihedral_angle(from, to, at(left), at(right)).abs();
-            angles += angle;
-            turned += angle * from.distance(to);
+        for [angle, length] in bends(positions, cloth.topology()) {
+            angles += angle.abs();
+            turned += angle.abs() * length;
             count += 1;
         }
         area += areas.iter().map(|a| f64::from(*a)).sum::<f64>();
@@ -155,13 +147,10 @@ fn bending(frames: Frames<'_>, cloth: &Cloth) -> [f64; 2] {
 fn strains(frames: Frames<'_>, cloth: &Cloth) -> [f64; 2] {
     let lengths = cloth.pattern().edge_lengths();
     let every = (frames.len() * lengths.len()).div_ceil(MOST_STRAINS).max(1);
-    let of_frame = |positions: &[Vec3]| -> Vec<f64> {
-        edge_lengths(positions, cloth.topology())
-            .zip(&lengths)
-            .map(|(length, rest)| (length - rest) / rest)
-            .collect()
-    };
-    let mut all: Vec<f64> = frames.iter().step_by(every).flat_map(of_frame).collect();
+    let some = frames.iter().step_by(every);
+    let mut all: Vec<f64> = some
+        .flat_map(|positions| super::strains(positions, cloth.topology(), &lengths))
+        .collect();
     let mut quantile = |part: f64| -> f64 {
         let Some(last) = all.len().checked_sub(1) else {
             return 0.0;

@@ -4,8 +4,9 @@
 //! Pure functions over frames; sums are `f64`. Two runs are compared over the frames that both
 //! have. A value that is not finite makes the measure so: it is never left out.
 
-use glam::Vec3;
-use selvedge_cloth::Topology;
+use glam::{DVec3, Vec3};
+use selvedge_cloth::geometry::dihedral_angle;
+use selvedge_cloth::{Topology, VertexId};
 use serde::{Deserialize, Serialize};
 
 use crate::Frames;
@@ -49,7 +50,7 @@ pub fn compare(a: Frames<'_>, b: Frames<'_>, topology: &Topology) -> Result<Comp
         frames: a.len(),
         frame_counts,
         position_rmse: position_rmse(a, b)?,
-        position_max: fold_vertices(a, b, 0.0, larger)?.0,
+        position_max: largest(vertex_errors(a, b)?),
         mean_vertex_error: mean_vertex_error(a, b)?,
         edge_length_rmse: edge_length_rmse(a, b, topology)?,
         edge_length_mean: mean_edge_length(a, topology)?,
@@ -69,8 +70,7 @@ pub fn compare(a: Frames<'_>, b: Frames<'_>, topology: &Topology) -> Result<Comp
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn position_rmse(a: Frames<'_>, b: Frames<'_>) -> Result<f64, Problem> {
-    let (squares, count) = fold_vertices(a, b, 0.0, |sum, d| sum + d * d)?;
-    Ok((squares / count).sqrt())
+    Ok(rms(vertex_errors(a, b)?))
 }
 
 /// Position RMSE of each frame `[m]`, `[frames]`.
@@ -83,8 +83,7 @@ pub fn per_frame_rmse<'a>(a: Frames<'a>, b: Frames<'a>) -> Result<Vec<f64>, Prob
 
 /// Mean distance of a vertex from where it should be `[m]`.
 pub fn mean_vertex_error(a: Frames<'_>, b: Frames<'_>) -> Result<f64, Problem> {
-    let (sum, count) = fold_vertices(a, b, 0.0, |sum, d| sum + d)?;
-    Ok(sum / count)
+    Ok(mean(vertex_errors(a, b)?))
 }
 
 /// Edge-length RMSE `[eq:edge-length-rmse]`: √(mean over frames and undirected edges of
@@ -92,11 +91,8 @@ pub fn mean_vertex_error(a: Frames<'_>, b: Frames<'_>) -> Result<f64, Problem> {
 pub fn edge_length_rmse(a: Frames<'_>, b: Frames<'_>, topology: &Topology) -> Result<f64, Problem> {
     let (a, b) = common(a, b)?;
     check_mesh(a, topology)?;
-    let mut squares = 0.0;
-    for (p, q) in a.iter().zip(b.iter()) {
-        let pairs = edge_lengths(p, topology).zip(edge_lengths(q, topology));
-        squares += pairs.map(|(l, m)| (l - m) * (l - m)).sum::<f64>();
-    }
+    let square = |(p, q)| edge_errors(p, q, topology).map(|e| e * e).sum::<f64>();
+    let squares: f64 = a.iter().zip(b.iter()).map(square).sum();
     Ok((squares / (a.len() * topology.edges().len()) as f64).sqrt())
 }
 
@@ -119,10 +115,8 @@ pub fn diverged_frame(largest_strains: &[f64], limit: f64, frames: usize) -> Opt
 /// Mean length of the edges over all frames `[m]`.
 pub fn mean_edge_length(frames: Frames<'_>, topology: &Topology) -> Result<f64, Problem> {
     check_mesh(frames, topology)?;
-    let sum: f64 = frames
-        .iter()
-        .map(|p| edge_lengths(p, topology).sum::<f64>())
-        .sum();
+    let lengths = |p| edge_lengths(p, topology).sum::<f64>();
+    let sum: f64 = frames.iter().map(lengths).sum();
     Ok(sum / (frames.len() * topology.edges().len()) as f64)
 }
 
@@ -140,13 +134,8 @@ pub fn largest_strain(
             "found rest lengths for {found} edges, the mesh has {expected}"
         )));
     }
-    let of_frame = |positions| {
-        edge_lengths(positions, topology)
-            .zip(rest_lengths)
-            .map(|(length, rest)| (length - rest) / rest)
-            .fold(f64::NEG_INFINITY, larger)
-    };
-    Ok(frames.iter().map(of_frame).collect())
+    let strains = |positions| largest(strains(positions, topology, rest_lengths));
+    Ok(frames.iter().map(strains).collect())
 }
 
 /// Mean and largest speed of the vertices between neighbouring frames.
@@ -164,18 +153,11 @@ pub fn speeds(frames: Frames<'_>, frame_rate: f64) -> Result<Speeds, Problem> {
     if frames.is_empty() {
         return Err(no_frames());
     }
-    let pairs = frames.len() - 1;
-    let (mut sum, mut max) = (0.0, 0.0);
-    for (now, next) in frames.iter().zip(frames.iter().skip(1)) {
-        for step in distances(now, next) {
-            sum += step;
-            max = larger(max, step);
-        }
-    }
-    let count = (pairs * frames.vertex_count()).max(1) as f64;
+    let pairs = || frames.iter().zip(frames.iter().skip(1));
+    let steps = || pairs().flat_map(|(now, next)| distances(now, next));
     Ok(Speeds {
-        mean: sum / count * frame_rate,
-        max: max * frame_rate,
+        mean: mean(steps()) * frame_rate,
+        max: largest(steps().chain([0.0])) * frame_rate,
     })
 }
 
@@ -219,38 +201,82 @@ fn check_mesh(frames: Frames<'_>, topology: &Topology) -> Result<(), Problem> {
     Ok(())
 }
 
-/// A fold over all vertices of all frames, and how many there were.
-fn fold_vertices(
-    a: Frames<'_>,
-    b: Frames<'_>,
-    start: f64,
-    fold: impl Fn(f64, f64) -> f64,
-) -> Result<(f64, f64), Problem> {
+/// How far each vertex of each frame is from where it should be `[m]`.
+fn vertex_errors<'a>(
+    a: Frames<'a>,
+    b: Frames<'a>,
+) -> Result<impl Iterator<Item = f64> + use<'a>, Problem> {
     let (a, b) = common(a, b)?;
-    let value = a
-        .iter()
-        .zip(b.iter())
-        .flat_map(|(p, q)| distances(p, q))
-        .fold(start, fold);
-    Ok((value, (a.len() * a.vertex_count()) as f64))
+    Ok(a.iter().zip(b.iter()).flat_map(|(p, q)| distances(p, q)))
 }
 
-fn distances(p: &[Vec3], q: &[Vec3]) -> impl Iterator<Item = f64> {
+/// How far the vertices of two frames are apart `[m]`.
+pub fn distances<P: Copy + Into<DVec3>>(p: &[P], q: &[P]) -> impl Iterator<Item = f64> {
     p.iter()
         .zip(q)
-        .map(|(p, q)| p.as_dvec3().distance(q.as_dvec3()))
+        .map(|(p, q)| (*p).into().distance((*q).into()))
 }
 
-fn edge_lengths(positions: &[Vec3], topology: &Topology) -> impl Iterator<Item = f64> {
+/// By how much the edges of one frame are longer than those of another `[m]`.
+pub fn edge_errors<P: Copy + Into<DVec3>>(
+    truth: &[P],
+    found: &[P],
+    topology: &Topology,
+) -> impl Iterator<Item = f64> {
+    let pairs = edge_lengths(truth, topology).zip(edge_lengths(found, topology));
+    pairs.map(|(truth, found)| found - truth)
+}
+
+/// Strains of the edges of a frame, (l - l₀)/l₀, with the rest lengths `[m]`.
+pub fn strains<P: Copy + Into<DVec3>>(
+    positions: &[P],
+    topology: &Topology,
+    rest_lengths: &[f64],
+) -> impl Iterator<Item = f64> {
+    let pairs = edge_lengths(positions, topology).zip(rest_lengths);
+    pairs.map(|(length, rest)| (length - rest) / rest)
+}
+
+/// Lengths of the edges of a frame `[m]`.
+fn edge_lengths<P: Copy + Into<DVec3>>(
+    positions: &[P],
+    topology: &Topology,
+) -> impl Iterator<Item = f64> {
     topology.edges().iter().map(|edge| {
-        let [a, b] = edge.vertices.map(|v| positions[v.index()].as_dvec3());
+        let [a, b] = edge.vertices.map(|v| positions[v.index()].into());
         a.distance(b)
     })
 }
 
-/// The larger of two; NaN when either is.
-fn larger(a: f64, b: f64) -> f64 {
-    if a >= b || a.is_nan() { a } else { b }
+/// The bending angle `[rad]` and the length `[m]` of each inner edge of a frame.
+pub fn bends<P: Copy + Into<DVec3>>(
+    positions: &[P],
+    topology: &Topology,
+) -> impl Iterator<Item = [f64; 2]> {
+    topology.edges().iter().filter_map(|edge| {
+        let (left, right) = (edge.opposite.0, edge.opposite.1?);
+        let [from, to] = edge.vertices;
+        let at = |vertex: VertexId| positions[vertex.index()].into();
+        let [from, to, left, right] = [from, to, left, right].map(at);
+        Some([dihedral_angle(from, to, left, right), from.distance(to)])
+    })
+}
+
+/// √(mean of squares); 0 of none.
+pub fn rms(values: impl Iterator<Item = f64>) -> f64 {
+    mean(values.map(|value| value * value)).sqrt()
+}
+
+/// The mean; 0 of none.
+pub fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0_usize), |(sum, n), value| (sum + value, n + 1));
+    sum / count.max(1) as f64
+}
+
+/// The largest; NaN where one of them is.
+pub fn largest(values: impl Iterator<Item = f64>) -> f64 {
+    let larger = |a: f64, b: f64| if a >= b || a.is_nan() { a } else { b };
+    values.fold(f64::NEG_INFINITY, larger)
 }
 
 #[cfg(test)]

@@ -217,9 +217,10 @@ impl Tube {
 }
 
 fn check(field: &str, value: f64) -> Result<(), String> {
-    match SIZES.contains(&value) {
-        true => Ok(()),
-        false => Err(wrong(field, "between 0.0001 and 100000 m", value)),
+    if SIZES.contains(&value) {
+        Ok(())
+    } else {
+        Err(wrong(field, "between 0.0001 and 100000 m", value))
     }
 }
 

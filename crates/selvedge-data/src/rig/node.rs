@@ -87,9 +87,10 @@ impl Rig {
         };
         let back = |(&node, name): (&usize, &String)| {
             let inverse = self.placement(node, self.start).inverse();
-            match inverse.is_finite() {
-                true => Ok(inverse),
-                false => Err(RigError::node(name, "is scaled to nothing at the start")),
+            if inverse.is_finite() {
+                Ok(inverse)
+            } else {
+                Err(RigError::node(name, "is scaled to nothing at the start"))
             }
         };
         let back = nodes.iter().zip(names).map(back);
@@ -223,10 +224,7 @@ pub(super) enum Change {
 impl Operation {
     fn at(&self, time: f64) -> DMat4 {
         let matrix = self.change.at(time);
-        match self.is_inverse {
-            false => matrix,
-            true => matrix.inverse(),
-        }
+        if self.is_inverse { matrix.inverse() } else { matrix }
     }
 }
 

@@ -77,11 +77,7 @@ impl Value for DQuat {
                 sum + q * w
             });
         // A spline through opposite turns may pass through nothing.
-        if sum.length_squared() > 0.0 {
-            sum.normalize()
-        } else {
-            parts[0].0
-        }
+        if sum.length_squared() > 0.0 { sum.normalize() } else { parts[0].0 }
     }
 
     fn is_sound(self) -> bool {

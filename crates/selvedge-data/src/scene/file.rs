@@ -151,11 +151,9 @@ fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, Problem> {
     let stand = Stand::of(&setting, &read.sheet.mesh, &groups);
     let motion = motion_source.resolve(folder, &stand)?;
     files.extend(motion_source.file().map(|file| folder.join(file)));
-    let start = start.unwrap_or(match setting.handles.is_empty() || dress.is_some() {
-        // What nothing holds has no rest pose.
-        true => StartFile::Mesh,
-        false => StartFile::Rest,
-    });
+    // What nothing holds has no rest pose.
+    let has_rest = !setting.handles.is_empty() && dress.is_none();
+    let start = start.unwrap_or(if has_rest { StartFile::Rest } else { StartFile::Mesh });
     if let Some(body) = &dress {
         check_dress(body, &start, &setting)?;
     }
@@ -181,9 +179,10 @@ fn check_dress(body: &str, start: &StartFile, setting: &Setting) -> Result<(), P
     }
     let names: Vec<&str> = setting.obstacles.iter().map(|o| o.name.as_str()).collect();
     if !names.contains(&body) {
-        let known = match names.is_empty() {
-            true => "there is none".to_owned(),
-            false => format!("there are {}", names.join(", ")),
+        let known = if names.is_empty() {
+            "there is none".to_owned()
+        } else {
+            format!("there are {}", names.join(", "))
         };
         return wrong(format!("there is no obstacle {body:?}: {known}"));
     }

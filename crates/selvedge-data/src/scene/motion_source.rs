@@ -102,9 +102,10 @@ impl RigMotion {
     fn nodes_of(&self, stand: &Stand<'_>) -> Result<Vec<String>, Problem> {
         let alone = |k: usize| (format!("handle_{k}"), k..k + 1);
         let single: Groups = (0..stand.start.len()).map(alone).collect();
-        let (groups, what) = match stand.groups.is_empty() {
-            true => (&single, "handles"),
-            false => (stand.groups, "groups of handles"),
+        let (groups, what) = if stand.groups.is_empty() {
+            (&single, "handles")
+        } else {
+            (stand.groups, "groups of handles")
         };
         let default = || groups.iter().map(|group| group.0.clone()).collect();
         let names: Vec<String> = self.nodes.clone().unwrap_or_else(default);

@@ -31,11 +31,12 @@ impl TryFrom<Value> for PhysicsFile {
         let mut settings = Table::try_from(whole).map_err(serde::de::Error::custom)?;
         settings.extend(own);
         let settings: PhysicsSettings = settings.try_into()?;
-        match is_of_mode(&settings, mode) {
-            true => Ok(Self(settings)),
-            false => Err(serde::de::Error::custom(
+        if is_of_mode(&settings, mode) {
+            Ok(Self(settings))
+        } else {
+            Err(serde::de::Error::custom(
                 "handles, air and law = \"arcsim\" are chosen by physics = \"arcsim\" alone, which chooses integrator and least_damping too: leave these keys out, or the mode",
-            )),
+            ))
         }
     }
 }

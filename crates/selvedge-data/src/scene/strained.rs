@@ -111,11 +111,7 @@ impl std::fmt::Display for StrainedEdge {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let [a, b] = self.vertices;
         let panels: Vec<String> = self.panels.iter().map(ToString::to_string).collect();
-        let word = if panels.len() > 1 {
-            "between panels"
-        } else {
-            "in panel"
-        };
+        let word = if panels.len() > 1 { "between panels" } else { "in panel" };
         write!(
             f,
             "{a}-{b} at {} {word} {}",
@@ -146,9 +142,10 @@ pub(super) fn warnings(mesh: &Mesh, positions: &[DVec3], remedy: &str) -> Vec<St
             "mesh: half of the edges start at {} their material length or {}{}: texture coordinates are material coordinates in metres; {remedy}",
             Times(median),
             if median < 1.0 { "less" } else { "more" },
-            match median < MOST_IN_PERCENT {
-                true => format!(", a strain of {:.0} %", 100.0 * (median - 1.0)),
-                false => String::new(),
+            if median < MOST_IN_PERCENT {
+                format!(", a strain of {:.0} %", 100.0 * (median - 1.0))
+            } else {
+                String::new()
             }
         )];
     }
@@ -164,9 +161,10 @@ pub(super) fn warnings(mesh: &Mesh, positions: &[DVec3], remedy: &str) -> Vec<St
     vec![format!(
         "mesh: {over} edges start at more than {OVERSTRAINED} × their length in the pattern, the worst are {}{}: mend them, or {remedy}, or let the cloth relax before it moves with start = \"fit\"",
         named.join(", "),
-        match worst[0].stretch > HOPELESS {
-            true => "; a run from there is likely to fail in its first frame",
-            false => "",
+        if worst[0].stretch > HOPELESS {
+            "; a run from there is likely to fail in its first frame"
+        } else {
+            ""
         }
     )]
 }

@@ -229,13 +229,14 @@ fn read_texture(file: &ArrayFile<'_>) -> Result<Texture, Problem> {
     if points.is_empty() {
         return Ok(Texture::None);
     }
-    let corners = match file.has(TEXTURE_FACES) {
-        true => Some(
+    let corners = if file.has(TEXTURE_FACES) {
+        Some(
             file.wholes(TEXTURE_FACES)?
                 .of_shape(&[None, Some(3)])?
                 .values,
-        ),
-        false => None,
+        )
+    } else {
+        None
     };
     Ok(Texture::Own(NumberedPattern {
         points: points.chunks_exact(2).map(Vec2::from_slice).collect(),

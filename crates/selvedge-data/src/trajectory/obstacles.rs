@@ -161,11 +161,12 @@ impl ObstacleTrack {
                 "has {found} points in a frame, and {points} in the first"
             )));
         }
-        match is_finite {
-            true => Ok(()),
-            false => Err(wrong(
+        if is_finite {
+            Ok(())
+        } else {
+            Err(wrong(
                 "has a place that is not finite, or no rotation".to_owned(),
-            )),
+            ))
         }
     }
 }

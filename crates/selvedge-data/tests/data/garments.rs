@@ -112,9 +112,9 @@ fn materials_and_units_of_other_formats_are_read() {
         path.file_name().unwrap().to_string_lossy()
     );
     let loaded = parse_scene(&scene, path.parent().unwrap(), "s").unwrap();
-    let told = "2 texture coordinates, for 7 corners";
+    let words = "2 texture coordinates, for 7 corners";
     assert!(
-        loaded.warnings.iter().any(|one| one.contains(told)),
+        loaded.warnings.iter().any(|one| one.contains(words)),
         "{:?}",
         loaded.warnings
     );

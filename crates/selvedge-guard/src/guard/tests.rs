@@ -461,9 +461,9 @@ fn lost_frames_leave_a_corner_free_and_hold_it_where_it_took_hold() {
             }
             end[1] += offset;
             let is_free = (7..=30).contains(&frame);
-            let told = HandleTargets::at_frame_end(end.clone()).unwrap();
-            let told = told.releasing(vec![false, is_free]).unwrap();
-            guard.step(&told).unwrap();
+            let targets = HandleTargets::at_frame_end(end.clone()).unwrap();
+            let targets = targets.releasing(vec![false, is_free]).unwrap();
+            guard.step(&targets).unwrap();
             let is_lost = guard.trust().verdict.is_lost();
             assert_eq!(is_lost, fails.contains(&frame), "{frame}");
             let now = guard.positions()[corner];

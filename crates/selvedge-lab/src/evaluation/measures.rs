@@ -1,8 +1,8 @@
 //! Measures of a frame against the true one, and their means over frames and over runs.
 
-use glam::{DVec2, DVec3};
-use selvedge_cloth::geometry::dihedral_angle;
+use glam::DVec3;
 use selvedge_cloth::{Cloth, Topology};
+use selvedge_data::metrics::{self, bends, largest, mean, rms, strains};
 use serde::{Deserialize, Serialize};
 
 /// How the measures of the frames of a run become one.
@@ -98,25 +98,24 @@ impl FrameErrors {
     pub(super) fn over_time(frames: &[Self]) -> Option<Self> {
         Self::pooled(frames, |values, pooling| match pooling {
             Pooling::Square => rms(values.iter().copied()),
-            Pooling::Mean => mean(values),
-            Pooling::Largest => largest(values),
+            Pooling::Mean => mean(values.iter().copied()),
+            Pooling::Largest => largest(values.iter().copied()),
         })
     }
 
     /// Runs as one: the mean of errors, the largest of extremes.
     pub fn over_runs(runs: &[Self]) -> Option<Self> {
         Self::pooled(runs, |values, pooling| match pooling {
-            Pooling::Square | Pooling::Mean => mean(values),
-            Pooling::Largest => largest(values),
+            Pooling::Square | Pooling::Mean => mean(values.iter().copied()),
+            Pooling::Largest => largest(values.iter().copied()),
         })
     }
 
     fn pooled(all: &[Self], of: impl Fn(&[f64], Pooling) -> f64) -> Option<Self> {
-        let strains: Vec<f64> = all.iter().map(|at| at.largest_strain).collect();
         let errors: Option<Vec<Errors>> = all.iter().map(|at| at.errors).collect();
         Some(Self {
             frame: all.last()?.frame,
-            largest_strain: largest(&strains),
+            largest_strain: largest(all.iter().map(|at| at.largest_strain)),
             errors: errors.and_then(|errors| Errors::pooled(&errors, of)),
         })
     }
@@ -159,76 +158,27 @@ impl<'a> Gauge<'a> {
     }
 
     fn errors(&self, truth: &[DVec3], found: &[DVec3]) -> Errors {
-        let pairs = truth.iter().zip(found);
-        let distances: Vec<f64> = pairs.map(|(a, b)| a.distance(*b)).collect();
-        let [true_angles, angles] = [truth, found].map(|positions| self.angles(positions));
-        let [true_lengths, lengths] = [truth, found].map(|positions| self.lengths(positions));
-        let bends = true_angles.iter().zip(&angles).map(|(a, b)| turned(b - a));
-        let stretches = true_lengths.iter().zip(&lengths).map(|(a, b)| b - a);
-        let size = |angles: &[f64]| mean(&angles.iter().map(|a| a.abs()).collect::<Vec<_>>());
+        let distances = || metrics::distances(truth, found);
+        let angles = |positions| bends(positions, self.topology).map(|[angle, _]| angle);
+        let turns = angles(truth).zip(angles(found)).map(|(a, b)| turned(b - a));
         let true_square: f64 = truth.iter().map(|p| p.length_squared()).sum();
-        let square: f64 = distances.iter().map(|d| d * d).sum();
+        let square: f64 = distances().map(|d| d * d).sum();
         Errors {
-            position_rmse: rms(distances.iter().copied()),
-            mean_vertex_error: mean(&distances),
-            largest_vertex_error: largest(&distances),
+            position_rmse: rms(distances()),
+            mean_vertex_error: mean(distances()),
+            largest_vertex_error: largest(distances()),
             relative_error: (square / true_square).sqrt(),
-            edge_length_rmse: rms(stretches),
-            fold_rmse: rms(bends),
-            folds: size(&angles),
-            true_folds: size(&true_angles),
+            edge_length_rmse: rms(metrics::edge_errors(truth, found, self.topology)),
+            fold_rmse: rms(turns),
+            folds: mean(angles(found).map(f64::abs)),
+            true_folds: mean(angles(truth).map(f64::abs)),
             true_largest_strain: self.largest_strain(truth),
         }
     }
 
     fn largest_strain(&self, positions: &[DVec3]) -> f64 {
-        let lengths = self.lengths(positions);
-        let pairs = lengths.iter().zip(&self.material_length);
-        let strains: Vec<f64> = pairs.map(|(l, l0)| (l - l0) / l0).collect();
-        largest(&strains)
+        largest(strains(positions, self.topology, &self.material_length))
     }
-
-    /// The bending angle of each inner edge `[rad]`.
-    fn angles(&self, positions: &[DVec3]) -> Vec<f64> {
-        let edges = self.topology.edges().iter();
-        let angle = |edge: &selvedge_cloth::Edge| {
-            let [from, to] = edge.vertices.map(|v| positions[v.index()]);
-            let (left, right) = edge.opposite;
-            let [left, right] = [left, right?].map(|v| positions[v.index()]);
-            Some(dihedral_angle(from, to, left, right))
-        };
-        edges.filter_map(angle).collect()
-    }
-
-    fn lengths(&self, positions: &[DVec3]) -> Vec<f64> {
-        let edges = self.topology.edges().iter();
-        let ends = edges.map(|edge| edge.vertices.map(|v| positions[v.index()]));
-        ends.map(|[a, b]| a.distance(b)).collect()
-    }
-}
-
-/// √(mean of squares); 0 of none.
-fn rms(values: impl Iterator<Item = f64>) -> f64 {
-    // The sum of squares, and how many.
-    let sum = values.fold(DVec2::ZERO, |sum, value| {
-        sum + DVec2::new(value * value, 1.0)
-    });
-    (sum.x / sum.y.max(1.0)).sqrt()
-}
-
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len().max(1) as f64
-}
-
-/// The largest; NaN where one of them is.
-fn largest(values: &[f64]) -> f64 {
-    values.iter().fold(f64::NEG_INFINITY, |most, &value| {
-        if most.is_nan() || value.is_nan() {
-            f64::NAN
-        } else {
-            most.max(value)
-        }
-    })
 }
 
 /// A difference of two angles by the shorter way round `[rad]`: a fold of nearly π may go on as one
@@ -246,6 +196,7 @@ fn turned(angle: f64) -> f64 {
 mod tests {
     use std::f64::consts::PI;
 
+    use glam::DVec2;
     use selvedge_cloth::{Handles, Mesh};
 
     use super::*;

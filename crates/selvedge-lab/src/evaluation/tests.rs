@@ -190,10 +190,7 @@ fn an_end_that_is_asked_for_leaves_the_starts_that_are_done() {
             is_running = task == "evaluating";
         }
         frames += usize::from(is_running && event == Event::Advanced);
-        match frames > enough {
-            true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
-        }
+        if frames > enough { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
     let (found, end) = stopped.unwrap();
     assert_eq!(end, End::Interrupted);
@@ -289,7 +286,7 @@ fn a_recorded_run_of_a_method_is_followed_by_the_same_method() {
 fn what_makes_no_sense_is_named_with_its_remedy() {
     let folder = Path::new("");
     let (cases, methods) = (cases(), methods());
-    let told = |cases: &[Case], methods: &[Method], horizons: &Horizons| {
+    let error_of = |cases: &[Case], methods: &[Method], horizons: &Horizons| {
         let checked = check(&plan(cases, methods, horizons, folder), true);
         checked.unwrap_err().to_string()
     };
@@ -303,15 +300,15 @@ fn what_makes_no_sense_is_named_with_its_remedy() {
             "22 frames fit into no case: the longest has 21",
         ),
     ] {
-        let error = told(&cases, &methods, &horizons);
+        let error = error_of(&cases, &methods, &horizons);
         assert!(error.contains(word), "{error}");
     }
-    assert!(told(&cases, &[], &usual).contains("name a model or physics"));
+    assert!(error_of(&cases, &[], &usual).contains("name a model or physics"));
     let twice = [cases[0].clone(), cases[0].clone()];
-    assert!(told(&twice, &methods, &usual).contains("\"push\""));
+    assert!(error_of(&twice, &methods, &usual).contains("\"push\""));
     for (substeps, word) in [(15, "even"), (2, "no coarser")] {
         let cases = Case::converged(&[push()], &[], &[], &linearised(substeps)).unwrap();
-        let error = told(&cases, &methods, &usual);
+        let error = error_of(&cases, &methods, &usual);
         assert!(
             error.starts_with("reference") && error.contains(word),
             "{error}"

@@ -145,9 +145,10 @@ pub(super) fn recorded(trajectory: Trajectory, with_scene: bool) -> Result<Truth
     let path = Motion::Recorded(RecordedMotion { positions })
         .bind(&held(0), trajectory.frame_rate())
         .context("the recorded path of the handles")?;
-    let scene = match with_scene {
-        true => physics::scene_of(&trajectory).map_err(|error| chain(error.as_ref())),
-        false => Err("the scene was not asked for".to_owned()),
+    let scene = if with_scene {
+        physics::scene_of(&trajectory).map_err(|error| chain(error.as_ref()))
+    } else {
+        Err("the scene was not asked for".to_owned())
     };
     Ok(Truth {
         states: None,

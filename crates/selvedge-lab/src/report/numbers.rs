@@ -24,9 +24,12 @@ pub fn errors_csv(runs: &[Run]) -> Vec<u8> {
     let measures = Errors::NAMES.iter().copied();
     let head = head.into_iter().chain(["largest_strain"]);
     let head = head.chain(measures).chain(end);
-    let rows = runs.iter().flat_map(|run| match run.frames.is_empty() {
-        true => vec![row(run, None)],
-        false => run.frames.iter().map(|at| row(run, Some(at))).collect(),
+    let rows = runs.iter().flat_map(|run| {
+        if run.frames.is_empty() {
+            vec![row(run, None)]
+        } else {
+            run.frames.iter().map(|at| row(run, Some(at))).collect()
+        }
     });
     csv_of(head, rows)
 }

@@ -171,11 +171,7 @@ fn scale_of(lines: &[Line]) -> Scale {
         all().fold(f64::INFINITY, f64::min),
         all().fold(0.0, f64::max),
     );
-    if high > FAR_APART * low {
-        Scale::Logarithmic
-    } else {
-        Scale::Linear
-    }
+    if high > FAR_APART * low { Scale::Logarithmic } else { Scale::Linear }
 }
 
 /// Lines over an axis; none where there is nothing to show.

@@ -216,9 +216,10 @@ pub fn failures(runs: &[Run]) -> String {
     let mut text = String::new();
     for run in runs {
         if let Some(failure) = &run.failure {
-            let span = match run.is_whole {
-                true => "whole run".to_owned(),
-                false => format!("from frame {}", run.start),
+            let span = if run.is_whole {
+                "whole run".to_owned()
+            } else {
+                format!("from frame {}", run.start)
             };
             // Writing to a text cannot fail.
             let _ = writeln!(text, "- {}, {}, {span}: {failure}", run.method, run.case);

@@ -23,10 +23,7 @@ fn at(frame: usize, size: f64) -> FrameErrors {
 }
 
 fn kind(method: &str) -> Kind {
-    match method.starts_with("physics") {
-        true => Kind::Physics,
-        false => Kind::Model,
-    }
+    if method.starts_with("physics") { Kind::Physics } else { Kind::Model }
 }
 
 fn run(method: &str, case: &str, start: usize, is_whole: bool, size: f64) -> Run {
@@ -39,10 +36,7 @@ fn run(method: &str, case: &str, start: usize, is_whole: bool, size: f64) -> Run
         start,
         is_whole,
         frame_rate: 2.0,
-        frames: match is_whole {
-            true => vec![at(1, size), at(2, size)],
-            false => vec![at(1, 0.1 * size)],
-        },
+        frames: if is_whole { vec![at(1, size), at(2, size)] } else { vec![at(1, 0.1 * size)] },
         diverged_frame: None,
         final_speed: None,
         guarded: None,

@@ -109,8 +109,8 @@ fn cases(run: &StudyRun<'_>) -> Result<Vec<Case>> {
     for StudyData { name, set, .. } in sets {
         let of_set = Case::recorded(name, set, Split::Test, &asked.motions);
         // The study's mistake, not one of the command line.
-        let told = |error| anyhow!("evaluation.motions: {error}");
-        cases.extend(of_set.map_err(told)?);
+        let in_motions = |error| anyhow!("evaluation.motions: {error}");
+        cases.extend(of_set.map_err(in_motions)?);
     }
     Ok(cases)
 }

@@ -109,9 +109,10 @@ fn prepare(order: StudyOrder<'_>, reporter: &Reporter<'_>) -> Result<Option<Vec<
             DataSource::Folder(folder) => study.folder.join(folder),
             DataSource::Preset(preset) => {
                 let is_shipped = shipped_presets().iter().any(|shipped| shipped.0 == *preset);
-                let preset = match is_shipped {
-                    true => preset.clone(),
-                    false => study.folder.join(preset).display().to_string(),
+                let preset = if is_shipped {
+                    preset.clone()
+                } else {
+                    study.folder.join(preset).display().to_string()
                 };
                 let folder = out.join("data").join(name);
                 if part.is_some() && !folder.join("index.json").is_file() {

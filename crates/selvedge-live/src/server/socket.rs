@@ -87,7 +87,7 @@ async fn talk(socket: &mut WebSocket, client: u32, shared: &Shared) -> Result<In
     loop {
         tokio::select! {
             biased;
-            () = told(&mut stop) => {
+            () = until_stopped(&mut stop) => {
                 return Err(Closing::new(close_code::AWAY, "the program has ended"));
             }
             message = socket.recv() => {
@@ -122,7 +122,7 @@ fn received(message: Option<Result<Message, axum::Error>>) -> Result<Message, Cl
 }
 
 /// Waits until the program is to end.
-async fn told(stop: &mut tokio::sync::watch::Receiver<bool>) {
+async fn until_stopped(stop: &mut tokio::sync::watch::Receiver<bool>) {
     // Who could tell has gone: that is the end, too.
     let _ = stop.wait_for(|stop| *stop).await;
 }

@@ -52,11 +52,7 @@ impl EmbeddedSession {
 
     /// Lets time go on where the page is watched; otherwise it stands still, but for a recording.
     pub fn watch(&mut self, is_watched: bool) {
-        let (count, gone) = if is_watched {
-            (1, None)
-        } else {
-            (0, Some(PAGE))
-        };
+        let (count, gone) = if is_watched { (1, None) } else { (0, Some(PAGE)) };
         self.session.take(Request::Viewers { count, gone });
     }
 

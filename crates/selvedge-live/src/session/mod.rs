@@ -163,11 +163,7 @@ impl Session {
 
     /// The time until something is due.
     fn wait(&self) -> Duration {
-        if self.is_due_ever() {
-            self.time.pace.wait(Instant::now())
-        } else {
-            TELL_EVERY
-        }
+        if self.is_due_ever() { self.time.pace.wait(Instant::now()) } else { TELL_EVERY }
     }
 
     /// Makes a frame and tells the state, where they are due.
@@ -215,11 +211,7 @@ impl Session {
             return;
         };
         let drag = self.control.drag;
-        let gaps = if self.shows_gaps {
-            self.showing.gaps()
-        } else {
-            Vec::new()
-        };
+        let gaps = if self.shows_gaps { self.showing.gaps() } else { Vec::new() };
         self.writers.publish_frame(|generation, number| {
             protocol::frame(&FrameParts {
                 generation,

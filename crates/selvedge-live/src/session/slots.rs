@@ -36,7 +36,7 @@ pub(crate) struct SlotWriters {
     generation: u32,
     frames: u32,
     notice: Option<Notice>,
-    told: Instant,
+    reported: Instant,
     tell_soon: bool,
 }
 
@@ -52,7 +52,7 @@ impl SlotWriters {
             generation: 0,
             frames: 0,
             notice: None,
-            told: Instant::now(),
+            reported: Instant::now(),
             tell_soon: true,
         };
         let readers = SlotReaders {
@@ -89,7 +89,7 @@ impl SlotWriters {
     }
 
     pub(super) fn publish_state(&mut self, message: Vec<u8>) {
-        self.told = Instant::now();
+        self.reported = Instant::now();
         self.tell_soon = false;
         self.state.send_replace(self.slot(0, message.into()));
     }
@@ -101,7 +101,7 @@ impl SlotWriters {
 
     /// Returns true when a state is due.
     pub(super) fn is_state_due(&self) -> bool {
-        self.tell_soon || self.told.elapsed() >= TELL_EVERY
+        self.tell_soon || self.reported.elapsed() >= TELL_EVERY
     }
 
     /// Sets the notice.

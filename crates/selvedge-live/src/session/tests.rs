@@ -215,16 +215,16 @@ fn a_vertex_that_is_not_there_ends_nothing() {
 
 #[test]
 fn what_stands_in_for_a_model_is_told_for_half_a_second() {
-    let told = |session: &Session| session.state().tracks[0].stand_in;
+    let stand_in = |session: &Session| session.state().tracks[0].stand_in;
     let mut session = session(falling(), Mover::Model);
     session.advance();
-    assert_eq!(told(&session), None);
+    assert_eq!(stand_in(&session), None);
     drag(&mut session, &[(0, 0.18 * DVec3::X)]);
     (0..30).for_each(|_| session.advance());
-    assert_eq!(told(&session), Some("a stand-in"));
+    assert_eq!(stand_in(&session), Some("a stand-in"));
     drag(&mut session, &[(0, DVec3::ZERO)]);
     (0..60).for_each(|_| session.advance());
-    assert_eq!(told(&session), None);
+    assert_eq!(stand_in(&session), None);
 }
 
 #[test]

@@ -89,8 +89,8 @@ fn work(
         let is_one_waiting = || orders.has_changed().unwrap_or(false);
         let prepared = workshop.prepare(&order, &mut |text| {
             // Progress that does not fit in the queue is not missed.
-            let told = back.try_send(Request::Progress(text));
-            let is_over = matches!(told, Err(TrySendError::Disconnected(_)));
+            let sent = back.try_send(Request::Progress(text));
+            let is_over = matches!(sent, Err(TrySendError::Disconnected(_)));
             if is_over || is_one_waiting() {
                 ControlFlow::Break(())
             } else {

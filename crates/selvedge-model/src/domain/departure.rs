@@ -125,11 +125,10 @@ impl Domain {
         add(Aspect::Speed, beyond(own, most, SMALL_SPEED), words);
 
         let (own, most) = (scene.wind, self.wind);
-        let words = match most > 0.0 {
-            true => {
-                format_args!("wind of up to {own:.1} m/s, trained in wind of up to {most:.1} m/s")
-            }
-            false => format_args!("wind of up to {own:.1} m/s, trained in still air"),
+        let words = if most > 0.0 {
+            format_args!("wind of up to {own:.1} m/s, trained in wind of up to {most:.1} m/s")
+        } else {
+            format_args!("wind of up to {own:.1} m/s, trained in still air")
         };
         add(Aspect::Wind, beyond(own, most, SMALL_SPEED), words);
         let (own, known) = (scene.gravity, self.gravity);

@@ -214,11 +214,7 @@ impl Normalizer {
     pub fn normalize(&self, rows: &mut [f32]) {
         for row in self.rows_of(rows) {
             for ((x, &shift), &scale) in row.iter_mut().zip(&self.shift).zip(&self.scale) {
-                *x = if scale > 0.0 {
-                    (*x - shift) * scale
-                } else {
-                    0.0
-                };
+                *x = if scale > 0.0 { (*x - shift) * scale } else { 0.0 };
             }
         }
     }
@@ -263,10 +259,7 @@ fn check(field: &str, values: &[f64], width: usize, least: f64) -> Result<(), Sp
             "{field} has {found} components, expected {width}"
         )));
     }
-    let expected = match least < 0.0 {
-        true => "finite",
-        false => "finite and not negative",
-    };
+    let expected = if least < 0.0 { "finite" } else { "finite and not negative" };
     match values.iter().position(|x| !x.is_finite() || *x < least) {
         Some(component) => Err(SpecError(format!(
             "{field} of component {component} must be {expected}, found {}",

@@ -9,11 +9,7 @@ use glam::DVec3;
 /// Length of `d` `[m]` and its gradient d / |d|.
 pub fn length_with_gradient(d: DVec3) -> (f64, DVec3) {
     let length = d.length();
-    let gradient = if length > 0.0 {
-        d / length
-    } else {
-        DVec3::ZERO
-    };
+    let gradient = if length > 0.0 { d / length } else { DVec3::ZERO };
     (length, gradient)
 }
 

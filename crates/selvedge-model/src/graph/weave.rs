@@ -118,11 +118,7 @@ impl Spring {
         let part = 6.0 * self.strain(length);
         let stiffness = soft + part.clamp(0.0, 1.0) * (firm - soft);
         let stiffens = part > 0.0 && part < 1.0;
-        let growth = if stiffens {
-            6.0 / self.length * (firm - soft)
-        } else {
-            0.0
-        };
+        let growth = if stiffens { 6.0 / self.length * (firm - soft) } else { 0.0 };
         [stiffness * longer, stiffness + growth * longer]
     }
 }
@@ -136,11 +132,7 @@ impl Torque {
         let low = (curvature.min(last) as usize).min(self.stiffness.len() - 2);
         let rise = self.stiffness[low + 1] - self.stiffness[low];
         let stiffness = self.stiffness[low] + (curvature.min(last) - low as f32) * rise;
-        let growth = if curvature < last {
-            curvature * rise
-        } else {
-            0.0
-        };
+        let growth = if curvature < last { curvature * rise } else { 0.0 };
         [stiffness * angle, stiffness + growth]
     }
 }

@@ -85,9 +85,8 @@ pub(crate) fn pack_biases<T: Real>(
     for (number, vector) in vectors.take(hidden.div_ceil(lanes)).enumerate() {
         for lane in 0..lanes {
             let unit = number * lanes + lane;
-            let of = |bias: &[T], gate: usize| match unit < hidden {
-                true => bias[gate * hidden + unit],
-                false => T::ZERO,
+            let of = |bias: &[T], gate: usize| {
+                if unit < hidden { bias[gate * hidden + unit] } else { T::ZERO }
             };
             for gate in 0..2 {
                 vector[gate * lanes + lane] = of(input, gate) + of(state, gate);

@@ -59,11 +59,7 @@ pub(crate) fn pack<T: Real>(
         for j in 0..width {
             for l in 0..depth {
                 let column = first + j;
-                panel[l * width + j] = if column < columns {
-                    entry(l, column)
-                } else {
-                    T::ZERO
-                };
+                panel[l * width + j] = if column < columns { entry(l, column) } else { T::ZERO };
             }
         }
         first += width;

@@ -79,10 +79,8 @@ impl<T: Real> Passage<'_, T> {
     fn run_block(self, number: usize, w: &mut Workspace<T>) {
         let (network, weights) = (self.network, self.weights);
         let [even, odd] = &mut w.endpoint_products;
-        let (products, next_products) = match number.is_multiple_of(2) {
-            true => (&*even, odd),
-            false => (&*odd, even),
-        };
+        let (products, next_products) =
+            if number.is_multiple_of(2) { (&*even, odd) } else { (&*odd, even) };
         let rows = [
             Rows {
                 values: next_products,

@@ -200,9 +200,6 @@ impl Network {
         workspace: &mut Workspace<T>,
     ) -> Result<(), Stopped> {
         T::backward(self.passage(weights, graph, input), gradients, workspace);
-        match workspace.stop.is_wanted() {
-            true => Err(Stopped),
-            false => Ok(()),
-        }
+        if workspace.stop.is_wanted() { Err(Stopped) } else { Ok(()) }
     }
 }

@@ -100,11 +100,14 @@ fn check_counts(
     normalizers: &Normalizers,
 ) -> Result<(), SpecError> {
     let spec = network.spec();
-    let check = |what: &str, expected: usize, found: usize| match expected == found {
-        true => Ok(()),
-        false => Err(SpecError(format!(
-            "{what} has {found} values, but the spec of the model needs {expected}"
-        ))),
+    let check = |what: &str, expected: usize, found: usize| {
+        if expected == found {
+            Ok(())
+        } else {
+            Err(SpecError(format!(
+                "{what} has {found} values, but the spec of the model needs {expected}"
+            )))
+        }
     };
     check(
         "the array of weights",

@@ -126,12 +126,11 @@ impl RolloutState {
     fn yaw_now(&self) -> Yaw {
         let handles = self.graph.handles();
         let mut held = handles.of(self.graph.handle_mask());
-        match held.all(|holds| holds) {
-            true => {
-                let places = handles.of(self.positions());
-                self.graph.frame().yaw_of(places, self.yaw)
-            }
-            false => self.yaw,
+        if held.all(|holds| holds) {
+            let places = handles.of(self.positions());
+            self.graph.frame().yaw_of(places, self.yaw)
+        } else {
+            self.yaw
         }
     }
 

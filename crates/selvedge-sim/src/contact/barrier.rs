@@ -117,12 +117,13 @@ impl Barrier {
             stiffness: elastic.stiffness + self.recovery * firm.stiffness,
             ..elastic
         };
-        match tangent.force_at(expected) > 0.0 {
-            true => tangent,
-            false => Tangent {
+        if tangent.force_at(expected) > 0.0 {
+            tangent
+        } else {
+            Tangent {
                 gap: expected,
                 ..Tangent::default()
-            },
+            }
         }
     }
 

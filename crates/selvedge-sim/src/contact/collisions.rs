@@ -299,11 +299,7 @@ impl Collision {
         let tangent = Tangent {
             gap: self.gap + along,
             force: stiffness * lack.clamp(0.0, most),
-            stiffness: if (0.0..most).contains(&lack) {
-                stiffness
-            } else {
-                0.0
-            },
+            stiffness: if (0.0..most).contains(&lack) { stiffness } else { 0.0 },
         };
         let force = self.normal * tangent.force;
         let block = outer(self.normal, self.normal) * tangent.stiffness;

@@ -49,11 +49,7 @@ pub(super) fn drag(normal: DVec3, slip: DVec3, stiffness: f64, most: f64) -> Dra
 /// The slip that is left of an anchor once its spring bears at most `most` `[N]`.
 pub(super) fn kept(slip: DVec3, stiffness: f64, most: f64) -> DVec3 {
     let pull = stiffness * slip.length();
-    if pull <= most {
-        slip
-    } else {
-        slip * (most / pull)
-    }
+    if pull <= most { slip } else { slip * (most / pull) }
 }
 
 /// a bᵀ.

@@ -185,9 +185,10 @@ impl Contact {
             self.lean(pair.second, gap.normal),
         ];
         let ends = |edge: u32| self.mesh.edges()[edge as usize].wings[1].is_none();
-        let bulge = match ends(pair.first) && ends(pair.second) {
-            true => away,
-            false => -leans[0].min(leans[1]) * away,
+        let bulge = if ends(pair.first) && ends(pair.second) {
+            away
+        } else {
+            -leans[0].min(leans[1]) * away
         };
         [
             bulge / (BULGE * thickness),

@@ -51,11 +51,7 @@ impl Contact {
     ) -> Result<Outcome, StepError> {
         let _span = tracing::trace_span!("separation").entered();
         let rounds = self.settings.rounds;
-        let last = if span.part.may_hold {
-            rounds + HOLDING
-        } else {
-            rounds
-        };
+        let last = if span.part.may_hold { rounds + HOLDING } else { rounds };
         // Longest part that was safe in a round after which vertices are held back, and what
         // obstacles had received by then.
         let mut best = None;

@@ -147,10 +147,7 @@ impl Contact {
                 of(own, other.min_by(|a, b| a.distance.total_cmp(&b.distance)))
             }
             ([Some(a), Some(b)], _) if at_last || self.squeeze(&a, &b) => {
-                match self.is_weaker(&a, &b) {
-                    true => of(&a, Some(&b)),
-                    false => of(&b, Some(&a)),
-                }
+                if self.is_weaker(&a, &b) { of(&a, Some(&b)) } else { of(&b, Some(&a)) }
             }
             ([Some(one), _] | [_, Some(one)], None) if at_last => of(&one, None),
             _ => Vec::new(),
@@ -264,10 +261,8 @@ impl Contact {
         let cloth = self.mass.len() as u32;
         let then = |p: u32| self.start[p as usize].lerp(self.end[p as usize], impact.time);
         // The closest point of the feature that is the cloth's; of two, of the first.
-        let of_cloth = match pair.corners[0] < cloth {
-            true => 0..pair.kind.split(),
-            false => pair.kind.split()..4,
-        };
+        let of_cloth =
+            if pair.corners[0] < cloth { 0..pair.kind.split() } else { pair.kind.split()..4 };
         let place: DVec3 = of_cloth
             .map(|k| then(pair.corners[k]) * impact.gap.weights[k].abs())
             .sum();
@@ -322,11 +317,7 @@ impl Contact {
             bodies().map(|k| of(k) * found.weights[k].abs()).sum()
         };
         // From the body to the cloth.
-        let normal = if corners[3] >= cloth {
-            found.normal
-        } else {
-            -found.normal
-        };
+        let normal = if corners[3] >= cloth { found.normal } else { -found.normal };
         let is_beside = normal.dot(impact.gap.normal).abs() >= OPPOSED;
         let is_beyond = (place - weighted(&|k| places[k])).dot(normal) <= 0.0;
         if found.distance > reach || !is_beside || is_beyond {

@@ -209,10 +209,7 @@ impl Contact {
             history.counts.fell_back += fell_back;
             history.counts.all += 1;
         }
-        self.history = match jumps {
-            true => HistoryUse::Forgotten,
-            false => HistoryUse::ToKeep,
-        };
+        self.history = if jumps { HistoryUse::Forgotten } else { HistoryUse::ToKeep };
         let from = looks_back.then_some(&*history);
         active.advance_touching(left, state, from, span.targets)
     }

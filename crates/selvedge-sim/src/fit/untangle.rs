@@ -170,9 +170,8 @@ impl Knot {
     /// The `values` of vertices, those of free vertices that are `near` the mean of their
     /// neighbours'.
     fn mean(&self, values: &[DVec3], near: &[bool]) -> Vec<DVec3> {
-        let mean = |(v, (sum, count)): (usize, (DVec3, u32))| match near[v] && !self.held[v] {
-            true => sum / f64::from(count),
-            false => values[v],
+        let mean = |(v, (sum, count)): (usize, (DVec3, u32))| {
+            if near[v] && !self.held[v] { sum / f64::from(count) } else { values[v] }
         };
         let sums = of_neighbours(values, &self.edges).into_iter();
         sums.enumerate().map(mean).collect()

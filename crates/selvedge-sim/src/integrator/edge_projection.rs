@@ -122,9 +122,10 @@ impl EdgeProjection {
             let shifts = self.shifts.iter().zip(&self.factors);
             let places = predicted.iter_mut().zip(&mut self.before);
             for ((place, before), (shift, factor)) in places.zip(shifts) {
-                let next = match *shift == DVec3::ZERO {
-                    true => *place,
-                    false => *before + (*place + *shift * *factor - *before) * weight,
+                let next = if *shift == DVec3::ZERO {
+                    *place
+                } else {
+                    *before + (*place + *shift * *factor - *before) * weight
                 };
                 *before = std::mem::replace(place, next);
             }

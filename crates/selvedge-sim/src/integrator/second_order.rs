@@ -140,9 +140,10 @@ impl SecondOrder {
             start: state,
             targets,
         };
-        let is_solved = match looks_back {
-            true => self.look_back(&mut substep, history)?,
-            false => self.start(&mut substep)?,
+        let is_solved = if looks_back {
+            self.look_back(&mut substep, history)?
+        } else {
+            self.start(&mut substep)?
         };
         history.counts.all += 1;
         history.counts.started += u64::from(!looks_back);
@@ -256,11 +257,7 @@ impl SecondOrder {
         let ends = state.both_mut().into_iter().zip(self.estimate.both());
         for ((ends, estimates), starts) in ends.zip(self.start.both()) {
             for ((end, estimate), start) in ends.iter_mut().zip(estimates).zip(starts) {
-                *end = if point == 1.0 {
-                    *estimate
-                } else {
-                    self.formula.end(*start, *estimate)
-                };
+                *end = if point == 1.0 { *estimate } else { self.formula.end(*start, *estimate) };
             }
         }
         // Exact handles are at their targets to the last digit.

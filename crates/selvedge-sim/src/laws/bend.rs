@@ -272,16 +272,14 @@ impl BendElement {
         if is_within {
             (rises[low], rises[low + 1]) = (-1.0, 1.0);
         }
-        let slope = match is_within {
-            true => self.stiffness[low + 1] - self.stiffness[low],
-            false => 0.0,
-        };
+        let slope = if is_within { self.stiffness[low + 1] - self.stiffness[low] } else { 0.0 };
         // Where the stiffness falls faster than the curvature grows the tangent is cut off at 0.
         let is_cut = at.tangent <= 0.0;
         let growth = 2.0 * slope * to_curvature * at.angle.signum() * scale;
-        let (exact, growth) = match is_cut {
-            true => (at.stiffness + curvature * slope * scale, 0.0),
-            false => (at.tangent, growth),
+        let (exact, growth) = if is_cut {
+            (at.stiffness + curvature * slope * scale, 0.0)
+        } else {
+            (at.tangent, growth)
         };
         let by_angle = -along_l * (gamma * exact + growth * along_w);
         let torque = gamma * at.stiffness * at.angle + at.tangent * along_w;
@@ -294,10 +292,7 @@ impl BendElement {
             by_places: std::array::from_fn(|k| turned[k].rate() + at.gradient[k] * by_angle),
             by_w: at.gradient.map(|g| g * (-along_l * at.tangent)),
             by_stiffness: std::array::from_fn(|j| {
-                let tangent = match is_cut {
-                    true => 0.0,
-                    false => weights[j] + curvature * rises[j],
-                };
+                let tangent = if is_cut { 0.0 } else { weights[j] + curvature * rises[j] };
                 -along_l * scale * (gamma * at.angle * weights[j] + along_w * tangent)
             }),
             by_rest_angle: -by_angle,

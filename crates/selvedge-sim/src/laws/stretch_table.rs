@@ -176,11 +176,7 @@ impl GridStiffness {
             let index = (value - start) * SAMPLES_PER_STRAIN;
             let (cell, part) = place(index);
             let inside = (0.0..(GRID - 1) as f64 - INDEX_MARGIN).contains(&index);
-            let rate = if inside {
-                value * SAMPLES_PER_STRAIN
-            } else {
-                0.0
-            };
+            let rate = if inside { value * SAMPLES_PER_STRAIN } else { 0.0 };
             (cell, part, rate)
         };
         let (i, s, rate_s) = along(strain.uu, GRID_START);

@@ -97,11 +97,8 @@ fn solve_positive(mut matrix: Vec<Vec<f64>>, mut right_side: Vec<f64>) -> Vec<f6
     }
     for k in (0..count).rev() {
         let known: f64 = (k + 1..count).map(|j| matrix[k][j] * right_side[j]).sum();
-        right_side[k] = if matrix[k][k] > 0.0 {
-            (right_side[k] - known) / matrix[k][k]
-        } else {
-            0.0
-        };
+        right_side[k] =
+            if matrix[k][k] > 0.0 { (right_side[k] - known) / matrix[k][k] } else { 0.0 };
     }
     right_side
 }

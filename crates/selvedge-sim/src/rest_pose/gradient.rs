@@ -79,9 +79,12 @@ pub fn sag_gradient(
     equilibrium.sums = equilibrium.system.elements().no_sums();
     let (by_places, by_targets) = equilibrium.pull(&multipliers);
     let handles = scene.handles.vertices().iter().zip(by_targets);
-    let handles = handles.map(|(vertex, by_target)| match equilibrium.is_spring() {
-        true => by_target,
-        false => by[vertex.index()] + by_places[vertex.index()],
+    let handles = handles.map(|(vertex, by_target)| {
+        if equilibrium.is_spring() {
+            by_target
+        } else {
+            by[vertex.index()] + by_places[vertex.index()]
+        }
     });
     let elements = equilibrium.system.elements();
     let (mut materials, rest_angles) = elements.by_materials(&scene, &equilibrium.sums);

@@ -30,9 +30,10 @@ fn check(of: &Checkpoint, vertices: usize) -> Result<(), SimulatorError> {
     Ok(())
 }
 fn check_seconds(seconds: f64) -> Result<(), SimulatorError> {
-    match seconds.is_finite() && seconds > 0.0 {
-        true => Ok(()),
-        false => Err(SimulatorError::PreviousSubstep { seconds }),
+    if seconds.is_finite() && seconds > 0.0 {
+        Ok(())
+    } else {
+        Err(SimulatorError::PreviousSubstep { seconds })
     }
 }
 
@@ -56,13 +57,14 @@ fn check_state(
 }
 
 fn check_finite(what: &'static str, vertex: VertexId, value: DVec3) -> Result<(), SimulatorError> {
-    match value.as_vec3().is_finite() {
-        true => Ok(()),
-        false => Err(SimulatorError::NonFinite {
+    if value.as_vec3().is_finite() {
+        Ok(())
+    } else {
+        Err(SimulatorError::NonFinite {
             what,
             vertex,
             value,
-        }),
+        })
     }
 }
 
@@ -111,12 +113,11 @@ impl Simulator {
     pub fn restore(&mut self, checkpoint: &Checkpoint) -> Result<(), SimulatorError> {
         let vertices = self.rounded.len();
         check(checkpoint, vertices)?;
-        let all = match self.active.holds().contains(&false) {
-            false => None,
-            true => {
-                let all = self.holding(vec![true; self.reached.len()], &None);
-                Some(all.map_err(|cause| SimulatorError::analysis(vertices, &cause))?)
-            }
+        let all = if self.active.holds().contains(&false) {
+            let all = self.holding(vec![true; self.reached.len()], &None);
+            Some(all.map_err(|cause| SimulatorError::analysis(vertices, &cause))?)
+        } else {
+            None
         };
         let contact = self.contact.as_ref();
         let before = contact.map(|contact| (contact.bodies.shifts.clone(), contact.memory.clone()));

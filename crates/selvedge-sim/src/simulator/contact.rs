@@ -166,9 +166,10 @@ impl Simulator {
         contact.take_back(from);
         let threads = self.threads.for_cloth(to.len());
         let active = &self.active;
-        match threads.run(|| contact.lead(threads, active, from, to))? {
-            false => Ok(Led::Free),
-            true => Ok(Led::Pushed),
+        if threads.run(|| contact.lead(threads, active, from, to))? {
+            Ok(Led::Pushed)
+        } else {
+            Ok(Led::Free)
         }
     }
 

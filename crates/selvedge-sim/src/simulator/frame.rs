@@ -128,11 +128,12 @@ impl Simulator {
             if !(is_strained || self.contact.is_some()) || 2 * substeps > most {
                 return Err(error);
             }
-            substeps = match is_strained {
-                true => 2 * substeps,
+            substeps = if is_strained {
+                2 * substeps
+            } else {
                 // Substeps have been halved as far as this where they had to be. What can help is to
                 // halve all of them, and to release contact.
-                false => substeps << (most / substeps).ilog2(),
+                substeps << (most / substeps).ilog2()
             };
         };
         if finest > asked {
@@ -147,10 +148,7 @@ impl Simulator {
     /// Fails if someone wants to stop.
     fn check_stop(&self) -> Result<(), StepError> {
         let frame = self.frame + 1;
-        match self.stop.is_wanted() {
-            true => Err(StepError::Stopped { frame }),
-            false => Ok(()),
-        }
+        if self.stop.is_wanted() { Err(StepError::Stopped { frame }) } else { Ok(()) }
     }
 
     /// Moves the state by a frame in `substeps` substeps, of which one is halved, and halves of it

@@ -187,14 +187,12 @@ impl ConjugateGradients {
         // In the scaled space a residual of this size is an error of 1 m/s everywhere.
         let unit = changes.len() as f64;
         // What is near A is P/(2 - ω).
-        let unit = match self.is_woven {
-            false => unit / (2.0 - f64::from(OVER_RELAXATION)),
-            true => unit,
-        };
+        let unit = if self.is_woven { unit } else { unit / (2.0 - f64::from(OVER_RELAXATION)) };
         let goal = self.settings.tolerance * self.settings.tolerance * unit;
-        let most = match self.is_woven {
-            false => self.settings.max_iterations,
-            true => self.settings.max_iterations.min(COUPLED_ITERATIONS),
+        let most = if self.is_woven {
+            self.settings.max_iterations.min(COUPLED_ITERATIONS)
+        } else {
+            self.settings.max_iterations
         };
         let mut last: Option<Cycle> = None;
         loop {

@@ -27,10 +27,11 @@ pub(crate) fn factors(scene: &Scene) -> Vec<f64> {
     let (topology, pattern) = (mesh.topology(), mesh.pattern());
     let edges = topology.edges().iter();
     let mut factors: Vec<f64> = edges
-        .map(|edge| match pattern.is_seam(edge) {
-            true => mesh.seam_stiffness(),
-            false => 1.0,
-        })
+        .map(
+            |edge| {
+                if pattern.is_seam(edge) { mesh.seam_stiffness() } else { 1.0 }
+            },
+        )
         .collect();
     if !scene.physics.even_bending {
         return factors;

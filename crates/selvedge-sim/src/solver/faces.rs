@@ -54,10 +54,7 @@ impl FaceBlocks {
     #[inline]
     pub(crate) fn of(&self, row: usize, column: usize) -> Mat3A {
         let of = |row: usize, column: usize| self.0[row * (row + 1) / 2 + column];
-        match row >= column {
-            true => of(row, column),
-            false => of(column, row).transpose(),
-        }
+        if row >= column { of(row, column) } else { of(column, row).transpose() }
     }
 }
 
@@ -348,9 +345,10 @@ impl WithSimd for Evaluation<'_> {
         let corners = &self.group.corners;
         let places = gather(at.positions, corners);
         let rates = gather(at.rates, corners);
-        let air_velocities = match std::ptr::eq(at.rates, at.air_velocities) {
-            true => rates,
-            false => gather(at.air_velocities, corners),
+        let air_velocities = if std::ptr::eq(at.rates, at.air_velocities) {
+            rates
+        } else {
+            gather(at.air_velocities, corners)
         };
         let mut pushes = [[[0.0; GROUP]; 3]; 3];
         for part in 0..Lanes::<S>::PARTS {

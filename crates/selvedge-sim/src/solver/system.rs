@@ -415,16 +415,10 @@ impl System {
             }
         };
         // A change of velocity is about an acceleration times its span.
-        let scale = if self.solved_span > 0.0 {
-            span / self.solved_span
-        } else {
-            0.0
-        };
+        let scale = if self.solved_span > 0.0 { span / self.solved_span } else { 0.0 };
         changes.iter_mut().for_each(|change| *change *= scale);
-        let gathered = match self.repeated.is_now {
-            true => None,
-            false => Some((&*elements, springs.stiff())),
-        };
+        let gathered =
+            if self.repeated.is_now { None } else { Some((&*elements, springs.stiff())) };
         solver.prepare(threads, pattern, gathered, collisions);
         let residual = |changes: &[DVec3], residual: &mut [DVec3]| {
             elements.multiply(threads, changes, residual);

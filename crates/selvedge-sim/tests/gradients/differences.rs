@@ -98,10 +98,7 @@ impl Case {
 
     fn seed(&self, frame: usize) -> StateGradient {
         let count = self.positions.len();
-        let weight = match frame == self.targets.len() || frame % 4 == 1 {
-            true => 1.0,
-            false => 0.0,
-        };
+        let weight = if frame == self.targets.len() || frame % 4 == 1 { 1.0 } else { 0.0 };
         let of = |from, weight: f64| vectors(from, count).iter().map(|n| *n * weight).collect();
         StateGradient {
             positions: of(1000, weight),

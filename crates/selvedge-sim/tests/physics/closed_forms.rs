@@ -175,11 +175,7 @@ fn elastica(c: f64) -> (f64, f64) {
     let (mut low, mut high) = (0.0, FRAC_PI_2);
     for _ in 0..60 {
         let tip = 0.5 * (low + high);
-        if shoot(tip).0 > 0.0 {
-            high = tip
-        } else {
-            low = tip
-        }
+        if shoot(tip).0 > 0.0 { high = tip } else { low = tip }
     }
     let [out, down] = shoot(low).1;
     (out, down)
@@ -191,11 +187,7 @@ fn bending_length(angle: f64) -> f64 {
     for _ in 0..50 {
         let c = 0.5 * (low + high);
         let (out, down) = elastica(c);
-        if (down / out).atan() > angle {
-            low = c
-        } else {
-            high = c
-        }
+        if (down / out).atan() > angle { low = c } else { high = c }
     }
     low
 }
@@ -399,11 +391,7 @@ fn catenary(half: (Vec<DVec2>, Vec<[u32; 3]>)) -> f64 {
     let (mut low, mut high) = (0.05_f64, 10.0_f64);
     for _ in 0..80 {
         let a = 0.5 * (low + high);
-        if 2.0 * a * (0.5 * apart / a).sinh() > length {
-            low = a
-        } else {
-            high = a
-        }
+        if 2.0 * a * (0.5 * apart / a).sinh() > length { low = a } else { high = a }
     }
     let expected = low * ((0.5 * apart / low).cosh() - 1.0);
     let sheet = elastic(1e8, 0.0, 2e-4);

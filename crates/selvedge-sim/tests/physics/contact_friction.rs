@@ -71,11 +71,7 @@ fn stack(count: usize, turn: f64) -> (f64, f64) {
 fn gap_under(weights: f64) -> f64 {
     let load = weights * GRAVITY / (240.0 * 240.0 * 1e-3);
     let gap = 1.0 - (0.5 * load).sqrt();
-    if gap >= 0.5 {
-        gap
-    } else {
-        1.0 / (1.0 + (2.0 * load).sqrt())
-    }
+    if gap >= 0.5 { gap } else { 1.0 / (1.0 + (2.0 * load).sqrt()) }
 }
 
 #[test]

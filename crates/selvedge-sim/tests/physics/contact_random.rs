@@ -75,11 +75,7 @@ fn obstacle(dice: &mut Dice, number: usize) -> Obstacle {
     let (turn, spin) = (dice.between(0.0, 6.0), dice.between(-6.0, 6.0));
     let from = dice.vector(0.7) + DVec3::Y * -0.6;
     let is_still = dice.part() < 0.4;
-    let speed = if is_still {
-        0.0
-    } else {
-        dice.between(0.0, 5.0)
-    };
+    let speed = if is_still { 0.0 } else { dice.between(0.0, 5.0) };
     let direction = dice.vector(1.0).normalize_or(DVec3::X);
     let seconds = dice.between(0.05, 0.4);
     let key = |time: f64| RigidKey {

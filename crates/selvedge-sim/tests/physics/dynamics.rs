@@ -111,9 +111,10 @@ fn a_folded_hinge_opens_as_a_damped_oscillator_in_second_order() {
         for step in 1..=200 {
             simulator.substep(dt, &held(&scene)).unwrap();
             let (time, nu) = (dt * f64::from(step), turn.abs().sqrt());
-            let (even, odd) = match turn > 0.0 {
-                true => ((nu * time).cos(), (nu * time).sin()),
-                false => ((nu * time).cosh(), (nu * time).sinh()),
+            let (even, odd) = if turn > 0.0 {
+                ((nu * time).cos(), (nu * time).sin())
+            } else {
+                ((nu * time).cosh(), (nu * time).sinh())
             };
             let expected = start * (-decay * time).exp() * (even + decay / nu * odd);
             let wing = simulator.positions_f64()[2];

@@ -97,9 +97,8 @@ fn progress_is_told_of_every_solve_and_may_stop_the_search() {
     assert_eq!(heard.last().unwrap().residual, rest.residual);
     assert_eq!(sag(&scene).unwrap(), rest);
     for limit in [rest.solves, 2] {
-        let stopped = sag_with_progress(&scene, &mut |progress| match progress.solves < limit {
-            true => ControlFlow::Continue(()),
-            false => ControlFlow::Break(()),
+        let stopped = sag_with_progress(&scene, &mut |progress| {
+            if progress.solves < limit { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         });
         assert_eq!(stopped, Err(SagError::Stopped { solves: limit }));
     }
@@ -107,27 +106,27 @@ fn progress_is_told_of_every_solve_and_may_stop_the_search() {
 
 /// The end of a search, and the vertex that was told of last.
 fn search(scene: &Scene) -> (Result<SaggedRest, SagError>, VertexId) {
-    let mut told = VertexId(0);
+    let mut vertex = VertexId(0);
     let end = sag_with_progress(scene, &mut |now| {
-        told = now.vertex;
+        vertex = now.vertex;
         ControlFlow::Continue(())
     });
-    (end, told)
+    (end, vertex)
 }
 
 #[test]
 fn what_cannot_hang_says_why_and_names_the_vertex() {
     let mut scene = hanging(6);
-    let (rest, told) = search(&scene);
+    let (rest, vertex) = search(&scene);
     let velocities = first_velocities(&scene, &rest.unwrap().positions);
     let speed = |v: &usize| velocities[*v].length();
     let fastest = (0..36).max_by(|a, b| speed(a).total_cmp(&speed(b)));
-    assert_eq!(Some(told.index()), fastest);
+    assert_eq!(Some(vertex.index()), fastest);
 
     scene.sag.max_steps = 2;
-    let (end, told) = search(&scene);
+    let (end, vertex) = search(&scene);
     let error = end.unwrap_err();
-    let named = format!("no equilibrium after 2 solves: vertex {told} is still accelerated");
+    let named = format!("no equilibrium after 2 solves: vertex {vertex} is still accelerated");
     assert!(error.to_string().starts_with(&named), "{error}");
     scene.handles = Handles::new(&[], 36).unwrap();
     assert_eq!(sag(&scene), Err(SagError::NoHandles));

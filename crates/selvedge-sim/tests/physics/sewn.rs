@@ -16,11 +16,7 @@ fn cut_and_sewn(mesh: &Mesh, line: f64, place: impl Fn(DVec2) -> DVec2) -> Mesh 
         .map(|face| {
             let shape = pattern.face(FaceId(face));
             let middle = shape.iter().sum::<DVec2>() / 3.0;
-            if middle.x > line {
-                shape.map(&place)
-            } else {
-                shape
-            }
+            if middle.x > line { shape.map(&place) } else { shape }
         })
         .collect();
     Mesh::sewn(

@@ -65,13 +65,11 @@ pub(crate) fn triangle_strip(count: usize, side: f64, place: impl Fn(DVec2) -> D
         .map(|k| DVec2::new(0.5 * side * k as f64, if k % 2 == 0 { 0.0 } else { height }))
         .collect();
     let faces: Vec<[u32; 3]> = (0..count as u32)
-        .map(|k| {
-            if k % 2 == 0 {
-                [k, k + 2, k + 1]
-            } else {
-                [k, k + 1, k + 2]
-            }
-        })
+        .map(
+            |k| {
+                if k % 2 == 0 { [k, k + 2, k + 1] } else { [k, k + 1, k + 2] }
+            },
+        )
         .collect();
     let positions = coordinates.iter().map(|c| place(*c)).collect();
     Mesh::new(&faces, coordinates, positions).unwrap()

@@ -98,9 +98,10 @@ impl Engine for RankEngine {
     ) -> Result<Vec<LossTerms>, EngineError> {
         let own = self.engine.learn(setup, &mut slots[self.own.clone()])?;
         // Every rank has slots, and so terms: who sends none gives the step up, and so do all.
-        let packed = match setup.stop.is_wanted() {
-            true => Vec::new(),
-            false => own.into_iter().flat_map(LossTerms::to_bytes).collect(),
+        let packed = if setup.stop.is_wanted() {
+            Vec::new()
+        } else {
+            own.into_iter().flat_map(LossTerms::to_bytes).collect()
         };
         let all = self.ranks.gather_for_all(packed)?;
         if all.iter().any(Vec::is_empty) {
@@ -161,8 +162,8 @@ fn bits(numbers: &[f32]) -> Vec<u32> {
 fn check_same(ranks: &Ranks, own: &impl Hash, what: &str) -> Result<(), EngineError> {
     let mut hasher = DefaultHasher::new();
     own.hash(&mut hasher);
-    let told = hasher.finish().to_le_bytes().to_vec();
-    let all = ranks.gather_for_all(told)?;
+    let digest = hasher.finish().to_le_bytes().to_vec();
+    let all = ranks.gather_for_all(digest)?;
     match all.iter().position(|other| *other != all[0]) {
         None => Ok(()),
         Some(rank) => {

@@ -411,11 +411,7 @@ impl LossEvaluator {
 
 /// 1 / deviation, and 0 for what never varied.
 fn inverse(deviation: f64) -> f64 {
-    if deviation > 0.0 {
-        1.0 / deviation
-    } else {
-        0.0
-    }
+    if deviation > 0.0 { 1.0 / deviation } else { 0.0 }
 }
 
 /// Weight of one of `count` things in their mean.

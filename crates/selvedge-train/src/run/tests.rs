@@ -50,9 +50,8 @@ impl Case {
 
     /// Runs until `last` at most.
     fn run(&self, trainer: &mut Trainer, limits: RunLimits, last: u64) -> Result<RunEnd, RunError> {
-        let mut observe = |report: &StepReport| match report.step >= last {
-            true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
+        let mut observe = |report: &StepReport| {
+            if report.step >= last { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
         run(trainer, self.folder.path(), limits, &mut observe)
     }

@@ -203,10 +203,7 @@ fn whoever_waits_for_the_statistics_hears_of_each_sample_and_may_stop() {
         let mut count = 0;
         let mut listen = || {
             count += 1;
-            match count == last {
-                true => ControlFlow::Break(()),
-                false => ControlFlow::Continue(()),
-            }
+            if count == last { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
         let made = Trainer::begin(cfg(), &data.dataset, &ENGINE, None, &mut listen);
         (made.expect("good"), count)

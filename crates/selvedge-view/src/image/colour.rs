@@ -30,11 +30,7 @@ pub(crate) fn value_colour(fraction: f32) -> Rgb {
     let place = fraction.clamp(0.0, 1.0) * (EMBER.len() - 1) as f32;
     // A NaN becomes 0 in the conversion.
     let before = (place as usize).min(EMBER.len() - 2);
-    let share = if place.is_nan() {
-        0.0
-    } else {
-        place - before as f32
-    };
+    let share = if place.is_nan() { 0.0 } else { place - before as f32 };
     mix(EMBER[before], EMBER[before + 1], share)
 }
 
@@ -57,11 +53,7 @@ pub(crate) fn mix(first: Rgb, second: Rgb, share: f32) -> Rgb {
 pub(crate) fn to_linear(colour: Rgb) -> Vec3 {
     Vec3::from_array(colour.map(|byte| {
         let value = f32::from(byte) / 255.0;
-        if value <= 0.04045 {
-            value / 12.92
-        } else {
-            ((value + 0.055) / 1.055).powf(2.4)
-        }
+        if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
     }))
 }
 

@@ -68,10 +68,10 @@ mod tests {
         let plain = Colouring::Plain;
         let two = [panel("a", &short, plain), panel("b", &long, plain)];
         let coloured = [panel("b", &long, Colouring::PerVertex(&field))];
-        let told =
+        let unequal =
             "panel \"b\" has 2 frames, but panel \"a\" has 1: panels side by side must match";
         for (panels, words) in [
-            (&two[..], told),
+            (&two[..], unequal),
             (&[], "no panels were given"),
             (&coloured, "2 vertices, but the run has 3"),
         ] {

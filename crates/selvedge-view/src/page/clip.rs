@@ -244,11 +244,7 @@ fn changed_rectangle(changes: &[u8], width: usize) -> [std::ops::Range<usize>; 2
             (top, bottom) = (top.min(row), row + 1);
         }
     }
-    if left < right {
-        [left..right, top..bottom]
-    } else {
-        [0..1, 0..1]
-    }
+    if left < right { [left..right, top..bottom] } else { [0..1, 0..1] }
 }
 
 #[cfg(test)]

@@ -170,20 +170,12 @@ impl<'a> Page<'a> {
 
     /// Height of everything above the tiles.
     fn header(&self) -> u32 {
-        let title = if self.title.is_empty() {
-            0
-        } else {
-            self.title_line()
-        };
+        let title = if self.title.is_empty() { 0 } else { self.title_line() };
         let keys = if self.fields.is_empty() {
             0
         } else {
             colour_bar_height(self.caption) + self.margin() / 2
         };
-        if self.keys_beside_title() {
-            title.max(keys)
-        } else {
-            title + keys
-        }
+        if self.keys_beside_title() { title.max(keys) } else { title + keys }
     }
 }

@@ -11,11 +11,7 @@ pub(super) struct Ticks {
 
 /// Marks on a linear axis, four to nine of them, whose ends are marks; `low` is at most `high`.
 pub(super) fn linear(low: f64, high: f64) -> Ticks {
-    let span = if high > low {
-        high - low
-    } else {
-        high.abs().max(1.0)
-    };
+    let span = if high > low { high - low } else { high.abs().max(1.0) };
     let high = low + span;
     let rough = span / 5.0;
     let power = 10_f64.powf(rough.log10().floor());
@@ -39,11 +35,7 @@ pub(super) fn logarithmic(low: f64, high: f64) -> Ticks {
     let high = high.max(low + 0.1);
     let (first, last) = (low.floor() as i32, high.ceil() as i32);
     let every = ((last - first) / 10 + 1) as usize;
-    let factors: &[f64] = if high - low <= 2.0 {
-        &[1.0, 2.0, 5.0]
-    } else {
-        &[1.0]
-    };
+    let factors: &[f64] = if high - low <= 2.0 { &[1.0, 2.0, 5.0] } else { &[1.0] };
     let powers = (first..=last).step_by(every);
     let all = powers.flat_map(|power| factors.iter().map(move |f| f64::from(power) + f.log10()));
     let all: Vec<f64> = all.collect();

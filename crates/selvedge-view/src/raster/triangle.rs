@@ -125,11 +125,7 @@ impl Triangle {
         let place = (a * u + b * v + c * w) / (nearness * THREAD);
         let cell = place.floor();
         let is_warp = (cell.x + cell.y).rem_euclid(2.0) < 0.5;
-        let across = if is_warp {
-            place.x - cell.x
-        } else {
-            place.y - cell.y
-        };
+        let across = if is_warp { place.x - cell.x } else { place.y - cell.y };
         // A thread is round: lightest in the middle; a parabola whose mean is 2/3.
         let height = 4.0 * across * (1.0 - across) - 2.0 / 3.0;
         1.0 + DEPTH * clear * height

@@ -25,9 +25,10 @@ impl DeviceArgs {
     /// Of several ranks on a machine each has a GPU of its own.
     fn of_rank(&self) -> anyhow::Result<DeviceName> {
         let ranks = ranks::all();
-        match ranks.are_several() {
-            true => Ok(self.device.of_rank(ranks.local_rank())?),
-            false => Ok(self.device),
+        if ranks.are_several() {
+            Ok(self.device.of_rank(ranks.local_rank())?)
+        } else {
+            Ok(self.device)
         }
     }
 }

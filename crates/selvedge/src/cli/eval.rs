@@ -133,9 +133,10 @@ impl EvalArgs {
 
     /// Names and files of the models; the shipped one where there is nothing else to measure.
     pub(crate) fn models(&self) -> Vec<String> {
-        match self.models.is_empty() && self.physics.is_empty() {
-            true => vec![selvedge_lab::assets::MODEL.0.to_owned()],
-            false => self.models.clone(),
+        if self.models.is_empty() && self.physics.is_empty() {
+            vec![selvedge_lab::assets::MODEL.0.to_owned()]
+        } else {
+            self.models.clone()
         }
     }
 

@@ -132,12 +132,13 @@ impl FromStr for StartChoice {
             Some((file, frame)) if frame.parse::<usize>().is_ok() => (file, frame.parse().ok()),
             _ => (text, None),
         };
-        match matches!(ending_of(Path::new(file)).as_str(), "safetensors" | "npz") {
-            true => Ok(Self::State(file.into(), frame)),
-            false => Err(
+        if matches!(ending_of(Path::new(file)).as_str(), "safetensors" | "npz") {
+            Ok(Self::State(file.into(), frame))
+        } else {
+            Err(
                 "expected rest, mesh, untangle, fit, or a state (.safetensors, .npz), as states.safetensors:60"
                     .to_owned(),
-            ),
+            )
         }
     }
 }

@@ -32,9 +32,10 @@ pub(crate) fn run(args: &CompareArgs) -> anyhow::Result<Answer> {
 fn text(measures: &Comparison, [a, b]: [usize; 2]) -> Facts {
     let mut facts = Facts::new();
     let compared = measures.frames;
-    let frames = match a == b {
-        true => compared.to_string(),
-        false => format!("{compared} (the first has {a}, the second {b})"),
+    let frames = if a == b {
+        compared.to_string()
+    } else {
+        format!("{compared} (the first has {a}, the second {b})")
     };
     facts.add("frames compared", frames);
     facts.add("position RMSE", length(measures.position_rmse));

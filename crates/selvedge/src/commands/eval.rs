@@ -161,9 +161,12 @@ fn cases(args: &EvalArgs, opened: &[LoadedScene]) -> anyhow::Result<Vec<Case>> {
 
 /// `names` with `word` replaced by what it stands for.
 fn expanded(names: &[String], word: &str, meaning: Vec<&str>) -> Vec<String> {
-    let all = names.iter().flat_map(|name| match name == word {
-        true => meaning.iter().map(|&name| name.to_owned()).collect(),
-        false => vec![name.clone()],
+    let all = names.iter().flat_map(|name| {
+        if name == word {
+            meaning.iter().map(|&name| name.to_owned()).collect()
+        } else {
+            vec![name.clone()]
+        }
     });
     all.collect()
 }
@@ -183,10 +186,8 @@ fn open_models(
     let mut methods = Vec::with_capacity(named.len());
     for ((given, file), name) in parted.into_iter().zip(&short) {
         let is_double = short.iter().filter(|other| *other == name).count() > 1;
-        let name = match is_double && given.is_none() {
-            true => file.display().to_string(),
-            false => name.clone(),
-        };
+        let name =
+            if is_double && given.is_none() { file.display().to_string() } else { name.clone() };
         let is_baseline = Method::BASELINES.contains(&name.as_str());
         if is_baseline || models.iter().any(|model| model.name == name) {
             let problem = format!("--model: two are called {name}: give each a name, as a=FILE");
@@ -268,9 +269,10 @@ fn heading(args: &EvalArgs, models: &[ModelFile], machine: &Machine, end: End) -
     };
     let rows: Vec<_> = models.iter().map(cells).collect();
     let mut heading = Heading {
-        title: match &args.data.is_empty() {
-            true => "Evaluation".to_owned(),
-            false => format!("Evaluation, {} split", args.split.name()),
+        title: if args.data.is_empty() {
+            "Evaluation".to_owned()
+        } else {
+            format!("Evaluation, {} split", args.split.name())
         },
         times: vec![format!("Models ran on: {}.", machine.name())],
         ..Heading::default()

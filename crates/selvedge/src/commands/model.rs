@@ -31,10 +31,7 @@ pub(crate) fn convert(args: &ConvertArgs) -> anyhow::Result<Answer> {
         "change_largest": largest,
         "unchanged": is_unchanged,
     });
-    let already = match is_unchanged {
-        true => "; the model was like this already, to the byte",
-        false => "",
-    };
+    let already = if is_unchanged { "; the model was like this already, to the byte" } else { "" };
     let text = format!(
         "{} weights, {} bytes (before: {before}); their RMS changed by {root_mean_square:.1e} of itself, one weight by at most {largest:.1e}{already}",
         model.weights().len(),

@@ -158,10 +158,7 @@ fn trainer(
     let Some(from) = &args.from else {
         return training::begin(None, cfg, data, engine, &mut progress::listener());
     };
-    let file = match from.is_dir() {
-        true => from.join(files::MODEL),
-        false => from.clone(),
-    };
+    let file = if from.is_dir() { from.join(files::MODEL) } else { from.clone() };
     let model = selvedge::Model::open(Some(&file))?;
     let start = Some(&*model.model);
     training::begin(start, cfg, data, engine, &mut progress::listener())

@@ -171,13 +171,13 @@ fn a_cloth_that_starts_far_from_its_size_is_warned_of() {
     dir.write("cloth.obj", cloth);
     let said = dir.run("run scene.toml -o run.safetensors --start mesh --frames 1 --json");
     assert_eq!(said.code, Some(0), "{}", said.err);
-    for told in [&said.out, &said.err] {
-        assert!(told.contains("2.000 × their material length"), "{told}");
-        assert!(told.contains("mesh.texture ="), "{told}");
+    for text in [&said.out, &said.err] {
+        assert!(text.contains("2.000 × their material length"), "{text}");
+        assert!(text.contains("mesh.texture ="), "{text}");
     }
     let file = dir.json("info cloth.obj");
-    let told = rows(&file, "warnings")[0].as_str().unwrap();
-    assert!(told.contains("2.000 × their material length"), "{told}");
+    let text = rows(&file, "warnings")[0].as_str().unwrap();
+    assert!(text.contains("2.000 × their material length"), "{text}");
     let fitted = scene.replace("cloth.obj\"", "cloth.obj\", texture = \"fit\"");
     dir.write("scene.toml", fitted);
     let report = dir.json("info scene.toml");

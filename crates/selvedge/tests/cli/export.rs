@@ -344,11 +344,7 @@ fn every_file_can_be_looked_at() {
         if let Some(edges) = said["edges"].as_u64() {
             assert_eq!(36 + said["faces"].as_u64().unwrap(), edges + 1);
         }
-        let start: &[u8] = if picture.ends_with("svg") {
-            b"<svg"
-        } else {
-            b"\x89PNG"
-        };
+        let start: &[u8] = if picture.ends_with("svg") { b"<svg" } else { b"\x89PNG" };
         assert!(dir.read(picture).starts_with(start), "{file}");
     }
     for (file, kind) in [

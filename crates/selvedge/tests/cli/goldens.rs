@@ -38,19 +38,18 @@ fn detected() -> &'static str {
 /// The hash of a file, or of all files in a folder with their names.
 fn hash(path: &Path) -> String {
     let mut hasher = blake3::Hasher::new();
-    match path.is_dir() {
-        false => drop(hasher.update(&std::fs::read(path).unwrap())),
-        true => {
-            for (inner, bytes) in contents(path) {
-                let name = inner
-                    .strip_prefix(path)
-                    .unwrap()
-                    .to_string_lossy()
-                    .into_owned();
-                hasher.update(name.as_bytes());
-                hasher.update(&bytes);
-            }
+    if path.is_dir() {
+        for (inner, bytes) in contents(path) {
+            let name = inner
+                .strip_prefix(path)
+                .unwrap()
+                .to_string_lossy()
+                .into_owned();
+            hasher.update(name.as_bytes());
+            hasher.update(&bytes);
         }
+    } else {
+        hasher.update(&std::fs::read(path).unwrap());
     }
     hasher.finalize().to_hex()[..32].to_owned()
 }

@@ -28,12 +28,12 @@ fn a_rollout_says_how_far_each_frame_can_be_trusted() {
         let report = dir.json(&call);
         let run = dir.trajectory(&format!("{guard}/rollout.safetensors"));
         let text = dir.text(&format!("{guard}.csv"));
-        let told = column(&text, "largest_strain");
-        assert_eq!(told.len(), PUSH_FRAMES);
+        let reported = column(&text, "largest_strain");
+        assert_eq!(reported.len(), PUSH_FRAMES);
         // The same number by two routes, both in f64 from f32 positions; material coordinates
         // alike.
-        for (told, found) in told.iter().zip(&strains(&run)[1..]) {
-            assert!((told.parse::<f64>().unwrap() - found).abs() < 1e-9);
+        for (reported, found) in reported.iter().zip(&strains(&run)[1..]) {
+            assert!((reported.parse::<f64>().unwrap() - found).abs() < 1e-9);
         }
         let verdicts = column(&text, "verdict");
         let count = |name: &str| verdicts.iter().filter(|v| *v == name).count() as f64;

@@ -49,7 +49,7 @@ fn work_that_is_stopped_before_its_first_result_leaves_no_folder() {
     let (sag, statistics) = ("sagging to rest: begun", "gathering statistics: begun");
     let roll = "run --model paper --compare never.toml";
     let train = "train moment.toml --data tiny --set statistics_samples=1000000 --json";
-    for (call, begun, told) in [
+    for (call, begun, message) in [
         (roll, sag, "stopped, as was asked"),
         ("data generate set.toml", sag, ""),
         (train, statistics, "\"interrupted\":true"),
@@ -61,7 +61,7 @@ fn work_that_is_stopped_before_its_first_result_leaves_no_folder() {
         let said = running.ended();
         assert_eq!(said.code, Some(130), "{call}: {}", said.err);
         let words = said.out + &said.err;
-        assert!(words.contains(told), "{call}: {words}");
+        assert!(words.contains(message), "{call}: {words}");
         assert!(!dir.path("made").exists(), "{call}");
     }
 }

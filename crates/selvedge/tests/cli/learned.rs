@@ -120,8 +120,8 @@ fn a_rollout_stands_beside_the_truth() {
     dir.json("run push.toml -o simulated.safetensors");
     assert!(dir.read("out/truth.safetensors") == dir.read("simulated.safetensors"));
     let compared = dir.json("compare out/truth.safetensors out/rollout.safetensors");
-    let told = number(&report, "/comparison/position_rmse");
-    assert_eq!(number(&compared, "/position_rmse"), told);
+    let reported = number(&report, "/comparison/position_rmse");
+    assert_eq!(number(&compared, "/position_rmse"), reported);
     let [truth, rollout] =
         ["truth", "rollout"].map(|name| dir.trajectory(&format!("out/{name}.safetensors")));
     for frame in 0..=PUSH_FRAMES {
@@ -151,8 +151,8 @@ fn a_rollout_into_a_used_folder_leaves_nothing_of_the_earlier_one() {
     let names = ["notes.txt", "rollout.safetensors", "sheet.png"];
     assert_eq!(names_in(&dir.path("out")), names);
     for name in ["truth.safetensors", "clip.gif"] {
-        let told = std::path::Path::new("out").join(name);
-        let line = format!("{}, of an earlier rollout", told.display());
+        let reported = std::path::Path::new("out").join(name);
+        let line = format!("{}, of an earlier rollout", reported.display());
         assert!(all.out.contains(&line), "{}", all.out);
     }
 }

@@ -90,7 +90,7 @@ fn the_rest_pose_is_where_the_cloth_stays() {
     assert_eq!(rest.frame_count(), 1);
     assert_eq!(rest.frame(0), run.frame(0));
     // As a mesh it is the same. The handles are at y = 0.
-    let told = dir.json("run --rest still.toml -o rest.obj");
+    let reported = dir.json("run --rest still.toml -o rest.obj");
     let read = read_mesh(&dir.path("rest.obj"), MeshOptions::default()).unwrap();
     let mesh = read.sheet.mesh;
     assert_eq!(mesh.topology(), rest.topology());
@@ -98,8 +98,8 @@ fn the_rest_pose_is_where_the_cloth_stays() {
     assert_eq!(positions, rest.frame(0));
     let depths = positions.iter().map(|p| -f64::from(p.y));
     let lowest = depths.fold(0.0, f64::max);
-    assert!((number(&told, "/lowest") - lowest).abs() < 1e-6);
-    assert!(number(&told, "/middle_sag") > 0.0);
+    assert!((number(&reported, "/lowest") - lowest).abs() < 1e-6);
+    assert!(number(&reported, "/middle_sag") > 0.0);
     // An acceleration of at most the residual over t = 0.5 s moves a vertex by residual t²/2 if
     // nothing pulls it back: 0.125 mm.
     let farthest = residual * 0.5 * 0.5 / 2.0;

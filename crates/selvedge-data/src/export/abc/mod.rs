@@ -122,13 +122,12 @@ fn texture(take: &Take<'_>, archive: &mut Archive<'_>) -> io::Result<Option<Writ
         return Ok(None);
     };
     let faces = cloth.topology().face_indices();
-    let (values, numbers): (Vec<_>, _) = match pattern.is_sewn() {
-        true => {
-            let own = (0..faces.len() as u32).map(|face| [0, 1, 2].map(|k| 3 * face + k));
-            let own: Vec<[u32; 3]> = own.collect();
-            (pattern.faces().flatten().collect(), clockwise(&own))
-        }
-        false => (pattern.points().to_vec(), clockwise(&faces)),
+    let (values, numbers): (Vec<_>, _) = if pattern.is_sewn() {
+        let own = (0..faces.len() as u32).map(|face| [0, 1, 2].map(|k| 3 * face + k));
+        let own: Vec<[u32; 3]> = own.collect();
+        (pattern.faces().flatten().collect(), clockwise(&own))
+    } else {
+        (pattern.points().to_vec(), clockwise(&faces))
     };
     let values = le_floats(values.iter().flat_map(|c| c.to_array()));
     let [values, numbers] = [archive.array(&values)?, archive.array(&le_words(&numbers))?];

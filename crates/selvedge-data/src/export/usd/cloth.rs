@@ -56,9 +56,10 @@ fn sheet<'a>(take: &'a Take<'a>) -> Prim<'a> {
     let body = take.sheet();
     let mut mesh = mesh(&body, COLOUR, "/cloth");
     if let Some(texture) = take.trajectory.cloth().texture_points() {
-        let (corners, how) = match texture.is_sewn() {
-            true => (texture.faces().flatten().collect(), "faceVarying"),
-            false => (texture.points().to_vec(), "vertex"),
+        let (corners, how) = if texture.is_sewn() {
+            (texture.faces().flatten().collect(), "faceVarying")
+        } else {
+            (texture.points().to_vec(), "vertex")
         };
         mesh.add("texCoord2f[]", "primvars:st", Value::Pairs(corners))
             .interpolation = Some(how);

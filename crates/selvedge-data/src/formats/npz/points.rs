@@ -37,10 +37,7 @@ impl NpzPoints {
             }
             handles = Some(found);
         }
-        let frame_rate = match file.has("fps") {
-            true => Some(file.floats("fps")?.single()?),
-            false => None,
-        };
+        let frame_rate = if file.has("fps") { Some(file.floats("fps")?.single()?) } else { None };
         let frames = all.chunks_exact(count.max(1)).map(<[_]>::to_vec);
         Ok(Self {
             frames: frames.collect(),

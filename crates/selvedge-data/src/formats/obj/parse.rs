@@ -87,10 +87,8 @@ impl Reader {
                 self.is_new_part = true;
             }
             "usemtl" => {
-                self.fabric = match rest.is_empty() {
-                    true => None,
-                    false => Some(polygons.fabric_of(&rest.join(" "))),
-                };
+                self.fabric =
+                    if rest.is_empty() { None } else { Some(polygons.fabric_of(&rest.join(" "))) };
             }
             known if SILENT.contains(&known) => {}
             other => {
@@ -186,10 +184,7 @@ impl Reader {
             polygons.warnings.push(format!(
                 "{count} statements that no mesh of faces has are passed over: {}{}",
                 each.join(", "),
-                match self.unknown.keys().any(is_sewing) {
-                    true => "; what is to be sewn is given by seams in the scene, between borders, not by lines",
-                    false => "",
-                }
+                if self.unknown.keys().any(is_sewing) { "; what is to be sewn is given by seams in the scene, between borders, not by lines" } else { "" }
             ));
         }
         Ok(polygons)

@@ -181,12 +181,13 @@ fn split(
         };
         let crossed = || {
             let is_whole_in_space = own.is_some() && in_space().is_some();
-            let (what, remedy) = match is_whole_in_space {
-                true => (
+            let (what, remedy) = if is_whole_in_space {
+                (
                     "in its texture coordinates this face",
                     "take the shape in space with mesh.pattern = \"shape\", or give it a pattern",
-                ),
-                false => ("this face", "mend it, or triangulate it"),
+                )
+            } else {
+                ("this face", "mend it, or triangulate it")
             };
             MeshFileError::content(format!(
                 "{place}: {what} of {corners} corners crosses itself or has no area, so that it cannot be cut into triangles: {remedy}"

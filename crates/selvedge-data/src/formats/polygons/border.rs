@@ -146,11 +146,7 @@ impl Border {
             let most = all - (count - k);
             let gap = |&j: &usize| (finer.parts[j] - self.parts[k]).abs();
             let nearest = (least..=most).min_by(|a, b| gap(a).total_cmp(&gap(b)));
-            partners.push(if k + 1 == count {
-                all - 1
-            } else {
-                nearest.unwrap_or(least)
-            });
+            partners.push(if k + 1 == count { all - 1 } else { nearest.unwrap_or(least) });
         }
         partners
     }
@@ -200,11 +196,7 @@ impl Track {
         let after = self.parts.partition_point(|known| *known <= part);
         let k = after.saturating_sub(1).min(last);
         let [from, to] = [self.parts[k], self.parts[k + 1]];
-        let share = if to > from {
-            ((part - from) / (to - from)).min(1.0)
-        } else {
-            0.0
-        };
+        let share = if to > from { ((part - from) / (to - from)).min(1.0) } else { 0.0 };
         let texture = self.texture.as_ref();
         (
             self.positions[k].lerp(self.positions[k + 1], share),

@@ -233,11 +233,12 @@ impl Polygons {
 
     /// The error that faces make no sheet, which borders that were sewn may be at fault for.
     fn no_sheet(&self, problem: String) -> MeshFileError {
-        MeshFileError::Content(match self.loose.is_empty() {
-            true => problem,
-            false => format!(
+        MeshFileError::Content(if self.loose.is_empty() {
+            problem
+        } else {
+            format!(
                 "{problem}. That is so once the seams are sewn: name borders of panels that lie along each other, each in one seam"
-            ),
+            )
         })
     }
 

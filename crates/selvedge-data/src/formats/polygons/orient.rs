@@ -22,11 +22,7 @@ pub(super) fn orient(polygons: &mut Polygons) {
         // Most faces are right.
         let is_turned = |&face: &usize| flips[face] == Some(true);
         let (turned, kept): (Vec<usize>, Vec<usize>) = sheet.into_iter().partition(is_turned);
-        let against = if turned.len() <= kept.len() {
-            turned
-        } else {
-            kept
-        };
+        let against = if turned.len() <= kept.len() { turned } else { kept };
         turn_angles(polygons, &against);
         for face in against {
             polygons.polygons[face].corners.reverse();

@@ -210,13 +210,12 @@ fn pairs_of(polygons: &mut Polygons, seam: &SeamPair) -> Result<Vec<[u32; 2]>, M
             "seams: {a:?} has {first} vertices and {b:?} has {second}: give both borders as many, or let the coarser one be cut as the finer one is with resample = true beside a and b"
         ));
     }
-    let refined = match first < second {
-        true => one
-            .refined(&two, polygons)
-            .map(|one| pairs(&one, &two.line)),
-        false => two
-            .refined(&one, polygons)
-            .map(|two| pairs(&one.line, &two)),
+    let refined = if first < second {
+        one.refined(&two, polygons)
+            .map(|one| pairs(&one, &two.line))
+    } else {
+        two.refined(&one, polygons)
+            .map(|two| pairs(&one.line, &two))
     };
     refined.ok_or_else(|| {
         MeshFileError::content(format!(

@@ -122,9 +122,10 @@ impl File<'_> {
             let fabric = material.and_then(|material| material.name.clone());
             made.faces.extend(indices.chunks_exact(3).map(|face| Face {
                 corners: face.iter().map(|v| first + v).collect(),
-                texture: match textured {
-                    true => face.iter().map(|v| place(*v)).collect(),
-                    false => Vec::new(),
+                texture: if textured {
+                    face.iter().map(|v| place(*v)).collect()
+                } else {
+                    Vec::new()
                 },
                 fabric: fabric.clone(),
             }));

@@ -256,9 +256,10 @@ impl<'a> Reader<'a> {
             Kept::Array(array) => Some(array),
         };
         let (line, is_array) = (self.tokens.line_of_last(), array.is_some());
-        let samples = match is_timed {
-            true => self.time_samples(is_array)?,
-            false => Vec::from_iter(self.value(is_array)?.map(|numbers| (0.0, numbers))),
+        let samples = if is_timed {
+            self.time_samples(is_array)?
+        } else {
+            Vec::from_iter(self.value(is_array)?.map(|numbers| (0.0, numbers)))
         };
         if !(is_array && samples.is_empty()) {
             self.prims[number].attributes.push(Attribute {

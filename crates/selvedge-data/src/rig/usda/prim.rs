@@ -59,9 +59,10 @@ impl Stage {
     fn world(&self) -> DMat4 {
         let unit = self.metres_per_unit.unwrap_or(METRES_PER_UNIT);
         let scale = DMat4::from_scale(glam::DVec3::splat(unit));
-        match self.is_z_up {
-            true => DMat4::from_rotation_x(-std::f64::consts::FRAC_PI_2) * scale,
-            false => scale,
+        if self.is_z_up {
+            DMat4::from_rotation_x(-std::f64::consts::FRAC_PI_2) * scale
+        } else {
+            scale
         }
     }
 }
@@ -124,15 +125,16 @@ impl Prim {
 
     /// Keeps its specifier, other than `def`; what follows a node of it is told why it cannot.
     pub(super) fn specifies(&mut self, is_class: bool) {
-        let (why, problem) = match is_class {
-            true => (
+        let (why, problem) = if is_class {
+            (
                 Absence::Class,
                 "it is a class, which is no node itself: give the name of a prim that is defined (def)",
-            ),
-            false => (
+            )
+        } else {
+            (
                 Absence::Undefined,
                 "it is an over of what this file does not define: take the stage that has it whole, flattened (usdcat --flatten)",
-            ),
+            )
         };
         self.is_absent(why);
         self.obstacle = Some(problem.to_owned());

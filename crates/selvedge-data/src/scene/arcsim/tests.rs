@@ -299,11 +299,11 @@ fn obstacles_and_contact_that_cannot_be_read_are_named() {
         2e-3 | 2e3 | magic.repulsion_thickness: must be between
     "#;
     refuses(wrong, |from, to| dir.edited(&with_bodies(), from, to));
-    let told = r#"
+    let cases = r#"
         "repulsion_thickness" | "collision_stiffness": 1e6, "repulsion_thickness" | magic.collision_stiffness has no effect
         "obs_friction": 0.2 | "obs_friction": 0.9 | a pair has the lesser of two
     "#;
-    for [from, to, warning] in table(told) {
+    for [from, to, warning] in table(cases) {
         let warnings = dir.edited(&with_bodies(), from, to).unwrap().warnings;
         let is_told = warnings.iter().any(|w| w.contains(warning));
         assert!(is_told, "{to}: {warnings:?}");

@@ -291,21 +291,24 @@ impl Arrays {
                 Some(name) => Some(read_frames(file, name, count)?),
                 None => None,
             },
-            previous: match has(&PREVIOUS) {
-                true => Some([
+            previous: if has(&PREVIOUS) {
+                Some([
                     like(PREVIOUS[0])?,
                     like(PREVIOUS[1])?,
                     seconds(PREVIOUS[2])?,
-                ]),
-                false => None,
+                ])
+            } else {
+                None
             },
-            changes: match has(&CHANGES) {
-                true => Some([like(CHANGES[0])?, seconds(CHANGES[1])?]),
-                false => None,
+            changes: if has(&CHANGES) {
+                Some([like(CHANGES[0])?, seconds(CHANGES[1])?])
+            } else {
+                None
             },
-            contact: match is_own {
-                true => Tables::read(file, count.unwrap_or(1))?,
-                false => Tables::default(),
+            contact: if is_own {
+                Tables::read(file, count.unwrap_or(1))?
+            } else {
+                Tables::default()
             },
             vertices,
             count,

@@ -222,17 +222,17 @@ fn states_of_another_version_or_frame_rate_are_refused() {
         ..at("states.safetensors", 5)
     };
     let read = |rate: f64| at_rate(rate).read(folder.path(), 2);
-    let told = |rate: f64| read(rate).unwrap_err().to_string();
+    let error_at = |rate: f64| read(rate).unwrap_err().to_string();
     write_edited(folder.path(), "selvedge-states", "selvedge-states");
     assert_eq!(read(60.0).unwrap().0.frame, 5);
     let words = ["was saved at 60 frames", "set frame_rate = 60"];
-    says(told(120.0), &words);
+    says(error_at(120.0), &words);
     write_edited(folder.path(), r#""version":"1""#, r#""version":"2""#);
-    says(told(60.0), &["version: expected 1, found \"2\""]);
+    says(error_at(60.0), &["version: expected 1, found \"2\""]);
     let bytes = std::fs::read(folder.path().join("states.safetensors")).unwrap();
     says(StateRun::from_bytes(&bytes).unwrap_err(), &["version"]);
     write_edited(folder.path(), r#""fps":"60""#, r#""fps":"6o""#);
-    says(told(60.0), &["fps: expected a number"]);
+    says(error_at(60.0), &["fps: expected a number"]);
     // What another program wrote says nothing of its frames.
     write_edited(folder.path(), "selvedge-states", "somebodys-array");
     assert_eq!(read(120.0).unwrap().0.frame, 5);

@@ -89,11 +89,7 @@ fn products_are_the_sums_they_stand_for_however_they_end() {
                 }),
                 (ends, &|i, j| (sum(i, j) + gathered(i, j)).max(0.0)),
                 (Epilogue::Mask(&before), &|i, j| {
-                    if before[i * columns + j] > 0.0 {
-                        sum(i, j)
-                    } else {
-                        0.0
-                    }
+                    if before[i * columns + j] > 0.0 { sum(i, j) } else { 0.0 }
                 }),
             ];
             for (number, (epilogue, expected)) in cases.into_iter().enumerate() {

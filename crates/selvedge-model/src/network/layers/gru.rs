@@ -137,10 +137,7 @@ impl GruEncoder {
             let to = gates1.get_mut(gates).unwrap_or_default();
             second.step(weights, seen, some.then_some(before), after, to);
         }
-        let last = match keeps {
-            true => input.window * size,
-            false => input.window % 2 * size,
-        };
+        let last = if keeps { input.window * size } else { input.window % 2 * size };
         let epilogue = Epilogue::Bias(weights.at(&self.linear.bias));
         let term = self.output.times(weights, &states1[last..][..size]);
         let norm = [&mut normal[..size], &mut deviations[..chunk.len()]];
@@ -222,10 +219,7 @@ impl GruEncoder {
 fn around<T>(states: &mut [T], size: usize, step: usize, keeps: bool) -> (&[T], &mut [T]) {
     let first = if keeps { step * size } else { 0 };
     let (before, after) = states[first..][..2 * size].split_at_mut(size);
-    match keeps || step.is_multiple_of(2) {
-        true => (before, after),
-        false => (after, before),
-    }
+    if keeps || step.is_multiple_of(2) { (before, after) } else { (after, before) }
 }
 
 impl Layer {

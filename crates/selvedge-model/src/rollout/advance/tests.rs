@@ -101,10 +101,11 @@ fn the_gradient_is_the_slope_of_the_frame() {
     let rows = accelerations(case.graph.vertex_count());
     let count = case.graph.vertex_count();
     let by_next: Vec<Vec3> = (0..count)
-        .map(|v| match case.is_free(v) {
-            true => Vec3::new(v as f32, -1.0, 0.5),
-            false => Vec3::ZERO,
-        })
+        .map(
+            |v| {
+                if case.is_free(v) { Vec3::new(v as f32, -1.0, 0.5) } else { Vec3::ZERO }
+            },
+        )
         .collect();
     let [mut previous, mut current] = [(); 2].map(|()| vec![Vec3::ZERO; count]);
     advance_backward(&by_next, &mut previous, &mut current);

@@ -88,10 +88,12 @@ pub(super) fn pull_back(
 ) -> StretchTable {
     let mut by_table = StretchTable([[0.0; 4]; 6]);
     if constant(table).is_some() {
-        let row: [f64; 4] = std::array::from_fn(|k| match table.0[0][k] > 0.0 {
-            true => by_constant[k] / 3.0,
-            false => 0.0,
-        });
+        let row: [f64; 4] =
+            std::array::from_fn(
+                |k| {
+                    if table.0[0][k] > 0.0 { by_constant[k] / 3.0 } else { 0.0 }
+                },
+            );
         by_table.0 = [row; 6];
         return by_table;
     }

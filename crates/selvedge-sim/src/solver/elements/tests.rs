@@ -55,9 +55,10 @@ fn sewn(longer: f64, rest_angles: [f64; 9], positions: Vec<DVec3>) -> Scene {
         .map(|(number, face)| {
             face.map(|v: usize| {
                 let flat = DVec2::from(AT[v]);
-                match number < 2 {
-                    true => flat,
-                    false => DVec2::from_angle(0.7).rotate(DVec2::new(-flat.x, longer * flat.y)),
+                if number < 2 {
+                    flat
+                } else {
+                    DVec2::from_angle(0.7).rotate(DVec2::new(-flat.x, longer * flat.y))
                 }
             })
         })
@@ -119,9 +120,8 @@ fn stiffness(material: &Material, along: DVec2) -> f64 {
 /// lengths in the two faces' patterns.
 fn bend_energies(scene: &Scene, positions: &[DVec3]) -> Vec<Energy> {
     let (topology, pattern) = (scene.mesh.topology(), scene.mesh.pattern());
-    let fabric = |face: selvedge_cloth::FaceId| match face.0 < 2 {
-        true => &scene.material,
-        false => &scene.fabrics["lining"],
+    let fabric = |face: selvedge_cloth::FaceId| {
+        if face.0 < 2 { &scene.material } else { &scene.fabrics["lining"] }
     };
     let mut bent = Vec::new();
     for (number, edge) in topology.edges().iter().enumerate() {
@@ -138,11 +138,7 @@ fn bend_energies(scene: &Scene, positions: &[DVec3]) -> Vec<Energy> {
         });
         let ke = stiffness(fabric(left), along[0]);
         let other = stiffness(fabric(right), along[1]);
-        let factor = if left.0 < 2 && right.0 >= 2 {
-            SEAM_STIFFNESS
-        } else {
-            1.0
-        };
+        let factor = if left.0 < 2 && right.0 >= 2 { SEAM_STIFFNESS } else { 1.0 };
         let faces = [left, right].map(selvedge_cloth::FaceId::index);
         let area = scene.rest_shape().face_area[left.index()]
             + scene.rest_shape().face_area[right.index()];

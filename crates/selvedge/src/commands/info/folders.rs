@@ -85,9 +85,10 @@ fn inspect_study(folder: &Path) -> anyhow::Result<Answer> {
     facts.tell_as("trainings", folded(&trainings), &trainings);
     facts.tell_as("evaluations", evaluations.len(), &evaluations);
     let is_done = report.exists();
-    match is_done {
-        true => facts.add("report", report.display()),
-        false => facts.add("report", "not yet: the study is not done"),
+    if is_done {
+        facts.add("report", report.display())
+    } else {
+        facts.add("report", "not yet: the study is not done")
     }
     let answer = json!({
         "kind": "study-folder",

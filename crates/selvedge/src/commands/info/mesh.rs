@@ -48,12 +48,13 @@ pub(super) fn inspect(read: ReadMesh, path: &Path, has_nodes: bool) -> anyhow::R
         facts.add("velocities", "of the vertices, for start = \"mesh\"");
     }
     self::facts(&mut facts, mesh, !read.is_own_shape);
-    let (meshes, nodes) = match has_nodes {
-        true => (
+    let (meshes, nodes) = if has_nodes {
+        (
             exported::meshes(&mut facts, path),
             exported::nodes(&mut facts, path)?,
-        ),
-        false => (Value::Null, Value::Null),
+        )
+    } else {
+        (Value::Null, Value::Null)
     };
     let report = json!({
         "edges": topology.edges().len(),

@@ -16,10 +16,7 @@ pub(super) fn scene_facts(
     obstacles: &[Obstacle],
 ) {
     if let Some(contact) = contact {
-        let with_itself = match contact.self_contact {
-            true => "with itself",
-            false => "not with itself",
-        };
+        let with_itself = if contact.self_contact { "with itself" } else { "not with itself" };
         facts.add(
             "contact",
             format!(
@@ -92,10 +89,7 @@ pub(super) fn run_facts(facts: &mut Facts, obstacles: &[ObstacleTrack]) {
     let mut reports = Vec::new();
     for obstacle in obstacles {
         let (points, faces) = (obstacle.point_count(), obstacle.faces().len());
-        let motion = match obstacle.is_still() {
-            true => "still",
-            false => "moves",
-        };
+        let motion = if obstacle.is_still() { "still" } else { "moves" };
         let name = obstacle.name();
         facts.add(
             "obstacle",

@@ -195,9 +195,10 @@ impl<'a> Values<'a> {
         let (mut part, count) = self.elements(rep)?;
         let all = count.checked_mul(width).ok_or_else(cut)?;
         self.spend(all)?;
-        match rep.is_packed() && width == 1 && count >= LEAST_PACKED {
-            true => packed(part, count, number),
-            false => part.reals(all, number),
+        if rep.is_packed() && width == 1 && count >= LEAST_PACKED {
+            packed(part, count, number)
+        } else {
+            part.reals(all, number)
         }
     }
 
