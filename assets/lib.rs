@@ -1,8 +1,8 @@
 //! What ships with Selvedge, as bytes: materials, scenes, motions, bodies, presets and models.
 //!
 //! The files lie beside this one, so that a package has them. Those who read them check them:
-//! `selvedge-data` the scenes, materials, bodies and data sets, `selvedge-lab` the models,
-//! trainings and studies.
+//! `selvedge-data` the scenes, materials, bodies and data sets, `selvedge-lab` the models
+//! and trainings.
 
 /// A list of pairs of names and texts of the files in a folder.
 macro_rules! texts {
@@ -100,7 +100,3 @@ pub const TRAININGS: &[(&str, &str)] = texts!("training":
     "rp-without-physics",
     "rp-gru10-better",
 );
-
-/// Studies.
-pub const STUDIES: &[(&str, &str)] =
-    texts!("studies": "equal-time", "ten-minutes", "figures", "table1");

@@ -153,7 +153,7 @@ impl<'a> Progress<'a> {
             Event::Begun { task, goal, .. } => {
                 let goal = match goal {
                     Goal::Count(count) => Some(count),
-                    Goal::Open | Goal::Time(_) => None,
+                    Goal::Open => None,
                 };
                 self.begin(task, goal);
                 ControlFlow::Continue(())

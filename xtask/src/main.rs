@@ -9,15 +9,12 @@
 )]
 
 mod markdown;
-mod nightly;
 mod quick;
 
 use std::path::Path;
 use std::process::{Command, ExitCode};
 
 use anyhow::{Context, Result, bail, ensure};
-
-use nightly::Sanitizer;
 
 const HELP: &str = "\
 usage: cargo xtask COMMAND
@@ -33,10 +30,6 @@ usage: cargo xtask COMMAND
             --write          write it
   fuzz    damaged files for every reader, by libFuzzer (--for 10m; see
           docs/src/contributing/trials.md)
-  sanitize address|thread
-          tests of what has unsafe code or threads under a sanitizer of nightly Rust; arguments of
-          `cargo test` choose others
-  miri    tests of the kernels under Miri, likewise
   help    print this text";
 
 fn main() -> ExitCode {
@@ -49,8 +42,6 @@ fn main() -> ExitCode {
         ["nightly"] => long(),
         ["header"] => header("--verify"),
         ["header", "--write"] => header("--quiet"),
-        ["miri", tests @ ..] => nightly::miri(tests),
-        ["sanitize", name, tests @ ..] if let Some(one) = Sanitizer::named(name) => one.run(tests),
         ["book"] => test("book_"),
         ["book", "--build"] => build_book(),
         ["book", "--write"] => write_book(),

@@ -69,7 +69,7 @@ impl Progress {
                 self.done = 0;
                 self.goal = match goal {
                     Goal::Count(count) => count,
-                    Goal::Open | Goal::Time(_) => 0,
+                    Goal::Open => 0,
                 };
             }
             Event::Advanced => self.done += 1,

@@ -11,9 +11,3 @@ pub fn training(name: &str) -> Option<&'static str> {
     let mut shipped = TRAININGS.iter();
     shipped.find(|entry| entry.0 == name).map(|entry| entry.1)
 }
-
-/// The names of what is shipped, for a message.
-pub(crate) fn names<T>(shipped: &[(&str, T)]) -> String {
-    let names: Vec<&str> = shipped.iter().map(|entry| entry.0).collect();
-    names.join(", ")
-}

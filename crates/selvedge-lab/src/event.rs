@@ -27,16 +27,12 @@ impl<'a> Reporter<'a> {
         (*on_event)(event)
     }
 
-    /// Begins a task that ends when the answer is dropped.
-    pub(crate) fn begin(&self, task: &str, goal: Goal, unit: &'static str) -> Task<'_, 'a> {
+    /// Begins a task of `count` units, which ends when the answer is dropped.
+    pub(crate) fn count(&self, task: &str, count: usize, unit: &'static str) -> Task<'_, 'a> {
+        let goal = Goal::Count(count as u64);
         // Whoever wants to stop says so again at the first unit.
         let _ = self.tell(Event::Begun { task, goal, unit });
         Task { reporter: self }
-    }
-
-    /// Begins a task of `count` units.
-    pub(crate) fn count(&self, task: &str, count: usize, unit: &'static str) -> Task<'_, 'a> {
-        self.begin(task, Goal::Count(count as u64), unit)
     }
 
     /// Says a line.

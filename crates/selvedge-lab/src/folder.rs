@@ -16,32 +16,23 @@ pub enum FolderKind {
     DataSet,
     /// One training.
     Training,
-    /// Trainings and evaluations of a study.
-    Study,
     /// The report of an evaluation.
     Evaluation,
     /// The run of a model on a scene.
     Rollout,
 }
 
-/// The folder of a study with its trainings.
-pub const TRAININGS: &str = "trainings";
-/// The folder of a study with its evaluations.
-pub const EVALUATIONS: &str = "evaluations";
 /// The folder of an evaluation with its converged runs.
 pub const REFERENCES: &str = "references";
-/// The folder of a study with its report.
-pub const REPORT: &str = "report";
 /// The table of the report of an evaluation.
 pub const ERRORS: &str = "errors.csv";
 /// The trajectory of a rollout.
 pub const ROLLOUT: &str = "rollout.safetensors";
 
 impl FolderKind {
-    const ALL: [Self; 5] = [
+    const ALL: [Self; 4] = [
         Self::DataSet,
         Self::Training,
-        Self::Study,
         Self::Evaluation,
         Self::Rollout,
     ];
@@ -51,7 +42,6 @@ impl FolderKind {
         match self {
             Self::DataSet => &["index.json", "index.partial.json"],
             Self::Training => &[files::LOG, files::CHECKPOINT],
-            Self::Study => &[TRAININGS, EVALUATIONS],
             Self::Evaluation => &[ERRORS, REFERENCES],
             Self::Rollout => &[ROLLOUT],
         }
@@ -61,7 +51,6 @@ impl FolderKind {
     fn inner(self) -> &'static [&'static str] {
         match self {
             Self::DataSet => &["train", "test"],
-            Self::Study => &[EVALUATIONS, REPORT],
             Self::Evaluation => &[REFERENCES],
             Self::Training | Self::Rollout => &[],
         }
@@ -85,7 +74,6 @@ impl fmt::Display for FolderKind {
         f.write_str(match self {
             Self::DataSet => "a data set",
             Self::Training => "a training",
-            Self::Study => "a study",
             Self::Evaluation => "the report of an evaluation",
             Self::Rollout => "a rollout",
         })

@@ -4,9 +4,8 @@
 //! on a **machine** ([`machine`]), the processor or a GPU. [`physics`] times them; [`watched`] sums up
 //! the word of a guard. An **evaluation** ([`evaluation`]) runs **methods** (models, physics,
 //! baselines) on **cases**: recorded trajectories, scenes against their own converged physics, random
-//! motions. A **report** ([`report`]) makes a page, plots and one table of it. A **study** ([`study`])
-//! is a file with a list of trainings and one evaluation; its folder keeps what is done.
-//! [`generation`] makes data sets.
+//! motions. A **report** ([`report`]) makes a page, plots and one table of it. [`generation`] makes
+//! data sets.
 //!
 //! Long operations call a listener ([`OnEvent`]) for every [`Event`] and stop when it breaks. Errors
 //! are those of `anyhow`: a message and its causes, which [`selvedge::cause::chain`] tells in one line.
@@ -43,7 +42,6 @@ pub mod pictures;
 pub mod report;
 pub mod rigid;
 pub mod span;
-pub mod study;
 #[cfg(test)]
 mod test_scene;
 pub mod training;

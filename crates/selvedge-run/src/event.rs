@@ -5,7 +5,6 @@
 //! [`End::Interrupted`].
 
 use std::ops::ControlFlow;
-use std::time::Duration;
 
 /// One step of progress.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,8 +37,6 @@ pub enum Goal {
     Open,
     /// A number of units.
     Count(u64),
-    /// A span of time, whatever the count is by then.
-    Time(Duration),
 }
 
 /// The end of an operation that did not fail.

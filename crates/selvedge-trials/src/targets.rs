@@ -12,7 +12,7 @@ use selvedge_data::{
 };
 use selvedge_lab::evaluation::PhysicsMethod;
 use selvedge_lab::report::TrainingLog;
-use selvedge_lab::{span, study};
+use selvedge_lab::span;
 use selvedge_live::protocol::{self, ClientMessage};
 use selvedge_model::Model;
 use selvedge_train::{OnProcessor, Setting, TrainConfig, Trainer};
@@ -71,7 +71,7 @@ const REST_POSE: &str =
     "poses/71416f2faa304e3d70a76b855b0b82e9d6a2f549c54daac536860c0ad17fa2f6.safetensors";
 
 /// All readers.
-pub static TARGETS: [Target; 25] = [
+pub static TARGETS: [Target; 24] = [
     of_bytes("trajectory", &["run.safetensors"], |_, _, bytes| {
         let read = Trajectory::from_bytes(bytes).map_err(said)?;
         let fine = read.positions().iter().all(|p| p.is_finite());
@@ -193,9 +193,6 @@ pub static TARGETS: [Target; 25] = [
         &["moment.toml", "/assets/training"],
         |_, path, bytes| done(TrainConfig::parse(text(bytes)?, path)),
     ),
-    of_file("study", "study.toml", &["/assets/studies"], |_, path, _| {
-        done(study::open(&path.to_string_lossy()))
-    }),
     of_file("log", "log.jsonl", &["run/log.jsonl"], |_, path, _| {
         done(TrainingLog::read(path))
     }),

@@ -308,7 +308,7 @@ mod tests {
                 MoverKind::Physics => HandlesEnd::Elsewhere,
                 _ => HandlesEnd::AtTargets,
             };
-            assert_eq!(check(make, end), Ok(()), "{kind:?}");
+            check(make, end);
         }
     }
 

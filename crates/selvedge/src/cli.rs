@@ -8,7 +8,6 @@ mod eval;
 mod export;
 mod import;
 mod run;
-mod study;
 mod view;
 
 use std::num::NonZeroUsize;
@@ -26,7 +25,6 @@ pub(crate) use self::eval::EvalArgs;
 pub(crate) use self::export::{ExportArgs, FormatName};
 pub(crate) use self::import::ImportArgs;
 pub(crate) use self::run::{RunArgs, StartChoice};
-pub(crate) use self::study::StudyArgs;
 pub(crate) use self::view::{Shown, ViewArgs};
 use crate::output::Reader;
 
@@ -90,7 +88,6 @@ pub(crate) enum Command {
     Data(DataCommand),
     Train(TrainArgs),
     Eval(Box<EvalArgs>),
-    Study(StudyArgs),
     #[command(subcommand)]
     Drape(DrapeCommand),
     Info(InfoArgs),
@@ -232,9 +229,9 @@ pub(crate) struct CompareArgs {
 /// Say what a file or folder is and what is in it.
 ///
 /// Knows trajectories, states, models, checkpoints, scenes, presets (what they will make, without
-/// making it), training configurations, studies, meshes, exported arrays (.npz), nodes of other
-/// programs (.glb, USD), and the folders of data sets (of which every file is checked against its
-/// hash), trainings and studies.
+/// making it), training configurations, meshes, exported arrays (.npz), nodes of other programs
+/// (.glb, USD), and the folders of data sets (of which every file is checked against its hash) and
+/// trainings.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -280,8 +277,6 @@ pub(crate) enum Shipped {
     Configs,
     /// Presets of data sets, for `data generate`.
     Presets,
-    /// Studies, for `study`.
-    Studies,
 }
 
 /// Work on the files of models.

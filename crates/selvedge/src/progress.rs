@@ -155,7 +155,6 @@ impl Progress {
     fn say(&self, done: u64, note: &str) {
         let elapsed = self.started.elapsed().as_secs_f64();
         let rate = done as f64 / elapsed.max(1e-9);
-        let to_go = |seconds: f64| format!(", about {seconds:.0} s to go");
         let (of, left) = match self.goal {
             Goal::Open => Default::default(),
             Goal::Count(total) => {
@@ -163,11 +162,8 @@ impl Progress {
                 let limit = self.limit.map_or(f64::INFINITY, |limit| {
                     (limit.as_secs_f64() - elapsed).max(0.0)
                 });
-                (format!(" of {total}"), to_go(left.min(limit)))
-            }
-            Goal::Time(time) => {
-                let left = (time.as_secs_f64() - elapsed).max(0.0);
-                (String::new(), to_go(left))
+                let left = format!(", about {:.0} s to go", left.min(limit));
+                (format!(" of {total}"), left)
             }
         };
         let note = match note {
@@ -242,7 +238,7 @@ fn listening(advance: fn(&Progress)) -> impl FnMut(Event<'_>) -> ControlFlow<()>
             (Event::Advanced, Some(progress)) => match progress.goal {
                 // A search: its steps are of no use without its end.
                 Goal::Open => progress.count(),
-                Goal::Count(_) | Goal::Time(_) => advance(progress),
+                Goal::Count(_) => advance(progress),
             },
             (Event::Noted(note), Some(progress)) => progress.note(note),
             (Event::Ended, _) => shown = None,
@@ -277,10 +273,6 @@ fn hidden_bar(what: &str, goal: Goal, unit: &str) -> ProgressBar {
             None,
             format!("{{prefix}} {{pos}} {unit}, {{rate}}  {{wide_msg}}"),
         ),
-        Goal::Time(_) => (
-            None,
-            format!("{{prefix}} {{pos}} {unit}, {{rate}}, {{left}} to go  {{wide_msg}}"),
-        ),
     };
     let bar = ProgressBar::with_draw_target(total, ProgressDrawTarget::hidden());
     // A bar that cannot be written is no reason to stop.
@@ -289,15 +281,6 @@ fn hidden_bar(what: &str, goal: Goal, unit: &str) -> ProgressBar {
         .with_key("rate", |state: &ProgressState, out: &mut dyn fmt::Write| {
             let _ = write!(out, "{:.1}/s", state.per_sec());
         })
-        .with_key(
-            "left",
-            move |state: &ProgressState, out: &mut dyn fmt::Write| {
-                if let Goal::Time(time) = goal {
-                    let left = time.saturating_sub(state.elapsed());
-                    let _ = write!(out, "{}s", left.as_secs());
-                }
-            },
-        )
         .progress_chars("=> ");
     bar.with_style(style).with_prefix(what.to_owned())
 }

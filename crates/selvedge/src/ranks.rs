@@ -29,7 +29,7 @@ pub(crate) fn open(shares: bool) -> anyhow::Result<()> {
     } else {
         Err(wrong(
             "this command is of one rank: start it without mpirun; train runs on several, and \
-             data generate and study share their work with --shard",
+             data generate shares its work with --shard",
         ))
     }
 }

@@ -115,37 +115,36 @@ impl Stepper for Carrier {
     }
 }
 
+/// What the check says of a stepper with this defect.
+fn found(defect: Defect) -> String {
+    let checked = std::panic::catch_unwind(|| check(|| carrier(defect), HandlesEnd::AtTargets));
+    let said = checked.err().map(|said| said.downcast::<String>());
+    said.map_or_else(String::new, |said| *said.unwrap())
+}
+
 #[test]
 fn every_defect_is_found_and_named() {
-    let found = |defect| check(|| carrier(defect), HandlesEnd::AtTargets);
-    assert_eq!(found(Defect::None), Ok(()));
+    assert_eq!(found(Defect::None), "");
     let defects = [
-        (Defect::NoCount, "the step was accepted"),
-        (Defect::NoRange, "the position of vertex 0 is not finite"),
-        (
-            Defect::NamesFrameLeft,
-            "names frame 2, the step was to frame 3",
-        ),
-        (Defect::MovesOnFailure, "the failed step changed positions"),
-        (Defect::RemembersFailure, "is another one from vertex 2 on"),
+        (Defect::NoCount, "3 targets for 2 handles"),
+        (Defect::NoRange, "a vertex is not finite"),
+        (Defect::NamesFrameLeft, "the frame that the error names"),
+        (Defect::MovesOnFailure, "the cloth is not as it was"),
+        (Defect::RemembersFailure, "the motion is another"),
         (Defect::MissesTargets, "handle 1 is at"),
-        (Defect::KeepsFrame, "the frame count is 0, expected 1"),
-        (Defect::LosesVertex, "there are 3 positions of 4 vertices"),
-        (
-            Defect::LosesFiniteness,
-            "the position of vertex 3 is not finite",
-        ),
-        (Defect::GoesBackAnywhere, "no snapshot of it was accepted"),
-        (Defect::GoesBackInPart, "not as it was in the snapshot"),
+        (Defect::KeepsFrame, "the frame count"),
+        (Defect::LosesVertex, "positions"),
+        (Defect::LosesFiniteness, "a vertex is not finite"),
+        (Defect::GoesBackAnywhere, "what is no snapshot of it"),
+        (Defect::GoesBackInPart, "the cloth is not as it was"),
     ];
     for (defect, words) in defects {
-        let breach = found(defect).unwrap_err().to_string();
+        let breach = found(defect);
         assert!(breach.contains(words), "{defect:?}: {breach}");
     }
 }
 
 #[test]
 fn a_stepper_that_misses_its_targets_passes_where_that_is_known() {
-    let make = || carrier(Defect::MissesTargets);
-    assert_eq!(check(make, HandlesEnd::Elsewhere), Ok(()));
+    check(|| carrier(Defect::MissesTargets), HandlesEnd::Elsewhere);
 }

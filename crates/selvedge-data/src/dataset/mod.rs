@@ -225,15 +225,6 @@ impl Dataset {
         let mut rates = places.filter_map(|place| self.index.config.pointer(place)?.as_f64());
         rates.next()
     }
-
-    /// Reads every file and compares its hash with the index.
-    ///
-    /// # Errors
-    /// [`Problem`] for the first file that has changed.
-    pub fn verify_hashes(&self) -> Result<(), Problem> {
-        let mut all = self.index.splits.all();
-        all.try_for_each(|entry| read_checked(&self.folder.join(&entry.file), entry).map(drop))
-    }
 }
 
 impl Entry {

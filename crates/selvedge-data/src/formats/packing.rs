@@ -7,26 +7,16 @@
 //! and the differences that are not common, all of it packed as bytes. Numbers of 64 bits have
 //! differences of two, four and eight bytes.
 //!
-//! Writing packs blocks of literals only: tables are small. Reading gives at most as many bytes as
-//! it was asked for.
+//! Reading gives at most as many bytes as it was asked for.
 //!
-//! Format: "LZ4 Block Format Description"; the sources of OpenUSD,
-//! `pxr/base/tf/fastCompression.cpp` and `pxr/usd/usd/integerCoding.cpp`.
+//! Format: the sources of OpenUSD, `pxr/base/tf/fastCompression.cpp` and
+//! `pxr/usd/usd/integerCoding.cpp`.
 
-/// Packs bytes, as one chunk of literals.
+use lz4_flex::block;
+
+/// Packs bytes, as one chunk.
 pub(crate) fn pack(bytes: &[u8]) -> Vec<u8> {
-    let mut packed = vec![0];
-    match bytes.len() {
-        length @ 0..15 => packed.push((length as u8) << 4),
-        length => {
-            packed.push(0xf0);
-            let rest = length - 15;
-            packed.extend(std::iter::repeat_n(255, rest / 255));
-            packed.push((rest % 255) as u8);
-        }
-    }
-    packed.extend(bytes);
-    packed
+    [&[0][..], &block::compress(bytes)].concat()
 }
 
 /// Unpacks bytes, of which there must be `length`.
@@ -67,46 +57,10 @@ fn cut() -> String {
 
 /// Adds a block of LZ4 to `all`, which may not become longer than `most`.
 fn unpack_block(block: &[u8], most: usize, all: &mut Vec<u8>) -> Result<(), String> {
-    let start = all.len();
-    let mut rest = block.iter();
-    while let Some(&token) = rest.next() {
-        let literals = run(usize::from(token >> 4), &mut rest)?;
-        let (own, after) = rest.as_slice().split_at_checked(literals).ok_or_else(cut)?;
-        if all.len() + literals > most {
-            return Err(cut());
-        }
-        all.extend(own);
-        rest = after.iter();
-        let Some(&low) = rest.next() else {
-            break;
-        };
-        let high = *rest.next().ok_or_else(cut)?;
-        let back = usize::from(u16::from_le_bytes([low, high]));
-        let count = run(usize::from(token & 15), &mut rest)? + 4;
-        if back == 0 || back > all.len() - start || all.len() + count > most {
-            return Err(cut());
-        }
-        // A match may reach into what it makes.
-        for _ in 0..count {
-            all.push(all[all.len() - back]);
-        }
-    }
+    // A byte of a block gives 255 at most.
+    let room = (most - all.len()).min(256 * block.len());
+    all.extend(block::decompress(block, room).map_err(|_| cut())?);
     Ok(())
-}
-
-/// A length of four bits, and the bytes that go on with it.
-fn run(short: usize, rest: &mut std::slice::Iter<'_, u8>) -> Result<usize, String> {
-    let mut length = short;
-    if short < 15 {
-        return Ok(length);
-    }
-    loop {
-        let more = *rest.next().ok_or_else(cut)?;
-        length += usize::from(more);
-        if more < 255 {
-            return Ok(length);
-        }
-    }
 }
 
 /// Packs whole numbers.

@@ -1,11 +1,9 @@
 //! The web server: the page, and one socket for each that watches.
 //!
 //! One thread serves all. It keeps nothing per page but the messages on their way to it. The
-//! numbers of pages, of connections and of messages per second are bounded, and so is the length of
-//! a message.
+//! numbers of pages and of messages per second are bounded, and so is the length of a message.
 
 mod gate;
-mod listener;
 mod page;
 mod socket;
 
@@ -22,10 +20,10 @@ use axum::http::{HeaderValue, Method, StatusCode, header};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::any;
+use axum::serve::ListenerExt;
 use tokio::sync::{Semaphore, watch};
 
 use self::gate::Gate;
-use self::listener::BoundedListener;
 use crate::protocol::{LONGEST, SUBPROTOCOL};
 use crate::session::{RunningSession, SessionPort};
 
@@ -60,9 +58,6 @@ struct Shared {
     stop: watch::Receiver<bool>,
     viewers: Arc<watch::Sender<usize>>,
 }
-
-/// Connections at once: a browser opens a few per page before it has its socket.
-const MOST_CONNECTIONS: usize = 128;
 
 /// Starts to serve `session`.
 pub fn serve(settings: ServerSettings, session: &RunningSession) -> io::Result<RunningServer> {
@@ -110,7 +105,8 @@ async fn answer(listener: TcpListener, shared: Shared) {
     let Ok(listener) = tokio::net::TcpListener::from_std(listener) else {
         return;
     };
-    let listener = BoundedListener::new(listener, MOST_CONNECTIONS);
+    // A frame is not to wait for the next. Without it, it is only late.
+    let listener = listener.tap_io(|stream| drop(stream.set_nodelay(true)));
     let mut stop = shared.stop.clone();
     let routes = Router::new()
         .route("/socket", any(open_socket))

@@ -3,7 +3,7 @@
 use anyhow::Context;
 use selvedge_cloth::motion::named;
 use selvedge_data::{materials, shipped_presets, shipped_scenes};
-use selvedge_lab::{assets, study};
+use selvedge_lab::assets;
 use selvedge_model::{Encoder, Network};
 use selvedge_train::TrainConfig;
 use serde_json::json;
@@ -19,7 +19,6 @@ pub(crate) fn run(what: Shipped) -> anyhow::Result<Answer> {
         Shipped::Models => names(assets::MODELS.iter().map(|model| model.0)),
         Shipped::Motions => names(named::names().into_iter()),
         Shipped::Presets => names(shipped_presets().iter().map(|preset| preset.0)),
-        Shipped::Studies => names(study::shipped()),
         Shipped::Configs => configs(),
     }
 }

@@ -12,7 +12,6 @@ mod model;
 mod rollout;
 mod sag;
 mod simulate;
-mod study;
 mod train;
 mod view;
 
@@ -40,7 +39,6 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<Answer> {
         Command::Data(DataCommand::Merge(args)) => data::merge(args),
         Command::Train(args) => train::run(args),
         Command::Eval(args) => eval::run(args),
-        Command::Study(args) => study::run(args),
         Command::Drape(DrapeCommand::Test(args)) => drape::test(args),
         Command::Drape(DrapeCommand::Fit(args)) => drape::fit_to(args),
         Command::Info(args) => info::run(args),

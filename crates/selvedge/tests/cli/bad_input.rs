@@ -31,7 +31,6 @@ fn what_is_not_there_is_named_with_what_is_shipped() {
          1 | info nothing | nothing | preset that ships
          1 | compare a.safetensors b.safetensors | a.safetensors
          1 | data generate none -o d | none | tiny
-         1 | study none -o s | none | ten-minutes | table1
          1 | run --compare --model none.safetensors | none.safetensors | no such file | are: paper",
     );
 }
@@ -258,14 +257,12 @@ fn a_folder_of_results_takes_no_results_of_another_kind() {
     let dir = TestFolder::with_push();
     dir.model();
     dir.json("data generate tiny -o part --shard 1/1");
-    std::fs::create_dir_all(dir.path("studied/trainings")).unwrap();
     let data = "the folder holds a data set (index.json) | choose another folder";
     let run = "the folder holds a training (log.jsonl) | choose another folder";
     let model = "--model run/model.safetensors";
     dir.refuses(&format!(
         "1 | train moment.toml --data tiny -o tiny | {data}
          1 | train moment.toml --data tiny -o tiny --resume | {data}
-         1 | train moment.toml --data tiny -o studied | a study | choose another folder
          1 | run --compare push.toml {model} -o tiny | {data}
          1 | run --compare push.toml {model} -o run | {run}
          1 | eval {model} --data tiny -o tiny | {data}

@@ -17,7 +17,6 @@ fn a_gpu_that_cannot_be_had_is_said_before_anything_is_written() {
         "run --model paper push.toml --frames 2 --no-clip",
         "train moment.toml --data nowhere -o run",
         "eval --model nothing.safetensors --data nowhere -o report",
-        "study ten-minutes -o study",
         "view",
     ] {
         let said = dir.run(&format!("{call} --device gpu"));
@@ -73,66 +72,4 @@ fn a_rollout_on_a_gpu_is_that_of_the_processor() {
             assert!(p.distance(*q) < 1e-4, "frame {frame}: {p} {q}");
         }
     }
-}
-
-#[cfg(feature = "gpu")]
-#[test]
-fn a_study_keeps_trainings_by_steps_and_measures_models_anew_on_another_device() {
-    use serde_json::Value;
-
-    const STUDY: &str = r#"
-title = "On a device"
-[data]
-tiny = { preset = "tiny" }
-[evaluation]
-baselines = ["rigid"]
-horizons = [1]
-starts = 1
-[[train]]
-name = "moment"
-config = "moment.toml"
-budget = { steps = 4 }
-"#;
-    if no_gpu() {
-        return;
-    }
-    let dir = TestFolder::new();
-    dir.write("moment.toml", TRAINING);
-    dir.write("study.toml", STUDY);
-    let study = "study study.toml -o s";
-    let kept = |file: &str| -> Value {
-        let bytes = dir.read(&format!("s/{file}"));
-        serde_json::from_slice(&bytes).unwrap()
-    };
-    let ran_on = |file: &str, pointer: &str| {
-        let found = kept(file).pointer(pointer).cloned();
-        found.unwrap().as_str().unwrap().to_owned()
-    };
-    dir.json(&format!("{study} --device gpu"));
-    let [record, rigid, moment] = [
-        "trainings/moment/record.json",
-        "evaluations/rigid.json",
-        "evaluations/moment.json",
-    ];
-    assert_ne!(ran_on(record, "/device"), "cpu");
-    assert_ne!(ran_on(moment, "/of/device"), "cpu");
-    assert_eq!(ran_on(rigid, "/of/device"), "cpu");
-    let before = [kept(record), kept(rigid)];
-    dir.json(study);
-    assert_eq!(before, [kept(record), kept(rigid)]);
-    assert_eq!(ran_on(moment, "/of/device"), "cpu");
-    // Records from before there were devices say none.
-    let mut old = kept(record);
-    old.as_object_mut().unwrap().remove("device");
-    dir.write(&format!("s/{record}"), old.to_string());
-    dir.json(study);
-    // Time is another thing on another device.
-    dir.write("study.toml", STUDY.replace("steps = 4", "time = \"1s\""));
-    dir.json("study study.toml -o t");
-    let words = [
-        "budget in time",
-        "begun on \"cpu\"",
-        "take the device that it was begun with",
-    ];
-    dir.fails("study study.toml -o t --device gpu", 1, &words);
 }

@@ -21,5 +21,4 @@ mod parity;
 mod physics;
 mod presets;
 mod shards;
-mod study;
 mod usage;

@@ -77,38 +77,3 @@ fn a_merge_says_what_is_missing_or_does_not_fit() {
     dir.write("1/index.partial.json", value.to_string());
     dir.fails(merge, 1, &["part 1/3 lacks 1", "push", "run again"]);
 }
-
-#[test]
-fn parts_of_a_study_train_in_one_folder() {
-    let dir = TestFolder::new();
-    dir.to_train();
-    let entry = |name: &str, more: &str| {
-        format!("[[train]]\nname = \"{name}\"\nconfig = \"moment.toml\"\n{more}\n")
-    };
-    let study = [
-        "title = \"Three\"\nbudget = { steps = 6 }\n[data]\ntiny = { folder = \"tiny\" }\n",
-        "[evaluation]\nhorizons = [1]\nbaselines = [\"rigid\"]\n",
-        &entry("one", ""),
-        &entry("other", "set = [\"seed=2\"]"),
-        &entry("later", "after = \"one\""),
-    ];
-    dir.write("study.toml", study.concat());
-    dir.json("study study.toml -o whole");
-    for (part, trained) in [(2, 1.0), (1, 2.0)] {
-        let report = dir.json(&format!("study study.toml -o parts --shard {part}/2"));
-        assert_eq!(number(&report, "/trained"), trained);
-        assert!(!dir.path("parts/report").exists());
-    }
-    let report = dir.json("study study.toml -o parts");
-    assert_eq!(number(&report, "/trained"), 3.0);
-    for name in ["one", "other", "later"] {
-        let model = |out| dir.read(&format!("{out}/trainings/{name}/model.safetensors"));
-        assert!(model("whole") == model("parts"), "{name}");
-    }
-    let made = study.concat().replace("folder = ", "preset = ");
-    dir.write("made.toml", made);
-    let words = "parts/data/tiny | not there yet | data generate tiny";
-    dir.refuses(&format!(
-        "1 | study made.toml -o parts --shard 1/2 | {words}"
-    ));
-}

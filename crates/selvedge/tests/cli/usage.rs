@@ -91,7 +91,6 @@ fn what_ships_is_listed() {
         ("motions", "forward"),
         ("configs", "first"),
         ("presets", "tiny"),
-        ("studies", "table1"),
     ] {
         let said = dir.run(&format!("list {what}"));
         assert!(said.out.contains(name), "{what}: {}", said.out);

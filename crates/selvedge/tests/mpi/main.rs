@@ -50,7 +50,6 @@ fn what_cannot_be_shared_is_said() {
     for command in [
         "list configs",
         "data generate tiny -o shared",
-        "study study.toml -o shared",
         "eval --model run/model.safetensors --data tiny -o shared",
     ] {
         dir.fails_on(2, command, &["one rank", "without mpirun", "--shard"]);

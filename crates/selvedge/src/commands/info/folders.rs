@@ -1,17 +1,17 @@
-//! Folders that a training or a study has made, by the files in them.
+//! The folder of a training, by the files in them.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, bail};
-use selvedge_lab::folder::{EVALUATIONS, FolderKind, TRAININGS};
+use selvedge_lab::folder::FolderKind;
 use selvedge_lab::report::{TrainingLog, training_chart};
 use selvedge_train::{TrainConfig, files};
 use serde_json::json;
 
 use super::picture::Picture;
-use super::{Seen, bare, dataset};
+use super::{Seen, dataset};
 use crate::failure::wrong;
-use crate::output::{Answer, Facts, folded};
+use crate::output::Facts;
 
 /// Says what is in `folder`.
 pub(super) fn inspect(folder: &Path) -> anyhow::Result<Seen> {
@@ -22,17 +22,12 @@ pub(super) fn inspect(folder: &Path) -> anyhow::Result<Seen> {
             Ok((dataset::run(folder, None)?, picture))
         }
         Some(FolderKind::Training) => inspect_training(folder),
-        Some(FolderKind::Study) => {
-            let why = "a study has its plots in the folder report, and each training its own";
-            let why = format!("{}: {why}", folder.display());
-            Ok(bare(inspect_study(folder)?, why))
-        }
         Some(kind) => bail!(
             "{}: holds {kind}, of which only the files are inspected: name one of them",
             folder.display()
         ),
         None => bail!(
-            "{}: is no folder that Selvedge makes: a data set has an index.json, a training a {}, a study a folder {TRAININGS}",
+            "{}: is no folder that Selvedge makes: a data set has an index.json, a training a {}",
             folder.display(),
             files::LOG
         ),
@@ -73,39 +68,4 @@ fn inspect_training(folder: &Path) -> anyhow::Result<Seen> {
     });
     let picture = Picture::Curves(training_chart(&cfg.name, &log));
     Ok((facts.answer(report), picture))
-}
-
-fn inspect_study(folder: &Path) -> anyhow::Result<Answer> {
-    let trainings = names_in(&folder.join(TRAININGS))?;
-    let evaluations = names_in(&folder.join(EVALUATIONS))?;
-    let report = folder.join("report").join("report.md");
-    let mut facts = Facts::new();
-    facts.add("kind", "study");
-    facts.tell_path("folder", folder);
-    facts.tell_as("trainings", folded(&trainings), &trainings);
-    facts.tell_as("evaluations", evaluations.len(), &evaluations);
-    let is_done = report.exists();
-    if is_done {
-        facts.add("report", report.display())
-    } else {
-        facts.add("report", "not yet: the study is not done")
-    }
-    let answer = json!({
-        "kind": "study-folder",
-        "report": is_done.then_some(report),
-    });
-    Ok(facts.answer(answer))
-}
-
-/// Names of what is in a folder, sorted; none where there is no such folder.
-fn names_in(folder: &Path) -> anyhow::Result<Vec<String>> {
-    if !folder.exists() {
-        return Ok(Vec::new());
-    }
-    let entries = std::fs::read_dir(folder).with_context(|| folder.display().to_string())?;
-    let paths: Vec<PathBuf> = entries.filter_map(|e| Some(e.ok()?.path())).collect();
-    let names = paths.iter().filter_map(|path| path.file_stem());
-    let mut names: Vec<String> = names.map(|n| n.to_string_lossy().into_owned()).collect();
-    names.sort();
-    Ok(names)
 }

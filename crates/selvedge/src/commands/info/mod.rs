@@ -4,9 +4,8 @@
 //! What it is taken for follows from its name and from what it says itself: a folder by the files
 //! in it, `.obj` is a mesh, `.npz` an exported run, `.glb` and `.usda` nodes that move; a
 //! `.safetensors` file says whether it is a trajectory, a model, states or a checkpoint; a `.toml`
-//! file is a data set's preset if it has a `setting`, a study if it has an `evaluation`, a training
-//! configuration if it has a `batch`, and a scene if it has none of these; `.json` is a scene of
-//! ARCSim.
+//! file is a data set's preset if it has a `setting`, a training configuration if it has a `batch`,
+//! and a scene if it has neither; `.json` is a scene of ARCSim.
 
 mod dataset;
 mod exported;
@@ -26,7 +25,7 @@ use selvedge_data::{
     metrics, read_mesh, shipped_presets, shipped_scenes,
 };
 use selvedge_lab::folder::FolderKind;
-use selvedge_lab::{physics, study};
+use selvedge_lab::physics;
 use selvedge_model::{MODEL_FORMAT, Model, Network};
 use selvedge_train::{CHECKPOINT_FORMAT, TrainConfig};
 use serde_json::{Value, json};
@@ -105,7 +104,7 @@ fn look_at(path: &Path) -> anyhow::Result<Seen> {
         // Refused, with what to export instead.
         "abc" | "mdd" => exported::inspect_rig(path),
         _ => bail!(
-            "{name}: not a kind of file that is known: trajectories and models end in .safetensors, scenes, presets and training configurations in .toml, scenes of ARCSim in .json, meshes in .obj, exported runs in .npz, meshes and nodes in .glb, .usda, .usdc, .usdz or .usd, and a data set, a training and a study are folders"
+            "{name}: not a kind of file that is known: trajectories and models end in .safetensors, scenes, presets and training configurations in .toml, scenes of ARCSim in .json, meshes in .obj, exported runs in .npz, meshes and nodes in .glb, .usda, .usdc, .usdz or .usd, and a data set and a training are folders"
         ),
     }
 }
@@ -123,33 +122,12 @@ fn inspect_toml(path: &Path, name: &str) -> anyhow::Result<Seen> {
     let table: toml::Table = toml::from_str(&text).unwrap_or_default();
     let answer = if table.contains_key("setting") {
         plan::run(name)?
-    } else if table.contains_key("evaluation") {
-        inspect_study(&table, name)?
     } else if table.contains_key("batch") {
         inspect_training(&TrainConfig::parse(&text, path)?, name)?
     } else {
         return inspect_scene(scenes::open(name)?, name);
     };
     Ok(of_configuration(answer, name))
-}
-
-/// The file of a study, which is checked as a whole first.
-fn inspect_study(table: &toml::Table, name: &str) -> anyhow::Result<Answer> {
-    let study = study::open(name)?;
-    // An entry is a list, or a table by name.
-    let count = |key: &str| match table.get(key) {
-        Some(toml::Value::Array(list)) => list.len(),
-        Some(toml::Value::Table(named)) => named.len(),
-        _ => 0,
-    };
-    let mut facts = Facts::new();
-    facts.add("kind", "study, to be made with selvedge study");
-    facts.tell("file", name);
-    facts.tell("title", &study.title);
-    facts.tell("data sets", count("data"));
-    facts.tell("trainings", count("train"));
-    facts.tell("finished models", count("model"));
-    Ok(facts.answer(json!({ "kind": "study-file" })))
 }
 
 fn inspect_training(cfg: &TrainConfig, name: &str) -> anyhow::Result<Answer> {
