@@ -43,9 +43,10 @@ impl Stepper for Simulator {
             self.history.forget();
         }
         let rests = self.rests(targets, before.is_some());
-        let moved = match rests {
-            true => self.rest(targets),
-            false => self.advance(targets).and_then(|()| self.round_new()),
+        let moved = if rests {
+            self.rest(targets)
+        } else {
+            self.advance(targets).and_then(|()| self.round_new())
         };
         if let Err(error) = moved {
             if let Some(before) = before {
