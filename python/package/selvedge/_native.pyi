@@ -277,7 +277,8 @@ class Worlds:
     ) -> list[FrameError | None]:
         """Moves every world by a frame: its handles to its part of `targets` [m], (worlds, handles, 3),
         without them along the motions of the scenes; those in `released`, (worlds, handles) of bool, are
-        let go during this frame. Returns for each world `None`, or the error for which it stayed."""
+        let go during this frame. Returns for each world `None`, or the error for which it stayed.
+        """
     @property
     def impulses(self) -> NDArray[np.float64]:
         """Momentum [N s] and angular momentum about the origin [N m s] that each body received in the last
