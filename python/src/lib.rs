@@ -25,6 +25,7 @@ mod scene;
 mod stepper;
 mod training;
 mod trajectory;
+mod worlds;
 
 use pyo3::prelude::*;
 
@@ -46,6 +47,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<stepper::LearnedStepper>()?;
     module.add_class::<stepper::PlaybackStepper>()?;
     module.add_class::<stepper::RigidStepper>()?;
+    module.add_class::<worlds::Worlds>()?;
     module.add_class::<trajectory::Trajectory>()?;
     module.add_class::<picture::Picture>()?;
     module.add_class::<model::Model>()?;

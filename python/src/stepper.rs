@@ -84,7 +84,7 @@ struct Core {
 
 /// A state of a stepper in memory, which its `restore` goes back to.
 #[pyclass(frozen, module = "selvedge")]
-pub(crate) struct Snapshot(State);
+pub(crate) struct Snapshot(pub(crate) State);
 
 /// A cloth that moves one frame at a time, given targets for its handles. Make one of its kinds:
 /// `Simulator`, `LearnedStepper`, `Playback`, `RigidStepper`.
@@ -361,6 +361,16 @@ impl Stepper {
         Ok(())
     }
 
+    /// Momentum [N s] and angular momentum about the origin [N m s] that each body received in the last
+    /// frame, (bodies, 2, 3), float64: times the frame rate, force and torque. Only the solver has them.
+    #[getter]
+    fn impulses<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let mut core = self.free()?;
+        let all: Vec<DVec3> = impulses_of(core.kind.run()?).collect();
+        let numbers = arrays::flat_f64(&all).to_vec().into_pyarray(py);
+        numbers.reshape([all.len() / 2, 2, 3])
+    }
+
     /// Goes back to the start.
     fn reset(&self, py: Python<'_>) -> PyResult<()> {
         let beginning = self.free()?.beginning.clone();
@@ -403,8 +413,14 @@ impl Stepper {
     }
 }
 
+/// Momentum and angular momentum that each body received in the last frame.
+pub(crate) fn impulses_of(run: &Run) -> impl Iterator<Item = DVec3> {
+    let received = run.impulses().iter();
+    received.flat_map(|one| [one.linear, one.angular])
+}
+
 /// The rigid motion of a matrix.
-fn rigid_of(matrix: &Numbers<'_>) -> PyResult<Rigid> {
+pub(crate) fn rigid_of(matrix: &Numbers<'_>) -> PyResult<Rigid> {
     let columns: Vec<f64> = matrix.as_array().t().iter().copied().collect();
     Rigid::try_from(&columns[..]).map_err(raised)
 }

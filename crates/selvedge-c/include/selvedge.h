@@ -400,6 +400,14 @@ SelvedgeStatus selvedge_copy_positions(SelvedgeStepper stepper, float *out, size
 // `out` has room for `3 * vertices` numbers.
 SelvedgeStatus selvedge_copy_positions_f64(SelvedgeStepper stepper, double *out, size_t vertices);
 
+// Copies what each body of the scene received from the cloth in the last frame to `out`, `[bodies][6]`:
+// momentum `[N s]`, and angular momentum about the origin `[N m s]`; times the frame rate, force and torque.
+// Of a model, and of a scene without contact, there are none.
+//
+// # Safety
+// `out` has room for `6 * bodies` numbers.
+SelvedgeStatus selvedge_copy_impulses(SelvedgeStepper stepper, double *out, size_t bodies);
+
 // Copies the faces to `out`, `[faces][3]`: numbers of their vertices, counterclockwise where they
 // are seen from the front.
 //

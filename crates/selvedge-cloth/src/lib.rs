@@ -103,7 +103,7 @@ pub use physics::{
     AirLaw, ConjugateGradients, ElasticLaw, GeneralisedAlpha, HandleConstraint, Integrator,
     LinearSolver, PhysicsMode, PhysicsSettings, SagSettings,
 };
-pub use rigid::Rigid;
+pub use rigid::{Impulse, Rigid};
 pub use scene::{DEFAULT_FRAME_RATE, Scene};
 pub use schedule::{HandleSchedule, Release};
 pub use stepper::{

@@ -39,6 +39,45 @@ impl Rigid {
     }
 }
 
+/// What a body receives: momentum, and angular momentum about the origin.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Impulse {
+    /// `[N s]`
+    pub linear: DVec3,
+    /// About the origin, not the middle of the body `[N m s]`.
+    pub angular: DVec3,
+}
+
+impl Impulse {
+    /// Nothing.
+    pub const ZERO: Self = Self {
+        linear: DVec3::ZERO,
+        angular: DVec3::ZERO,
+    };
+
+    /// The momentum `linear` `[N s]`, received at `place` `[m]`.
+    #[must_use]
+    pub fn at(place: DVec3, linear: DVec3) -> Self {
+        Self {
+            linear,
+            angular: place.cross(linear),
+        }
+    }
+
+    /// The angular momentum about `place` `[m]` `[N m s]`.
+    #[must_use]
+    pub fn about(&self, place: DVec3) -> DVec3 {
+        self.angular - place.cross(self.linear)
+    }
+}
+
+impl std::ops::AddAssign for Impulse {
+    fn add_assign(&mut self, other: Self) {
+        self.linear += other.linear;
+        self.angular += other.angular;
+    }
+}
+
 /// That of a 4×4 matrix, whose 16 numbers come by columns.
 impl TryFrom<&[f64]> for Rigid {
     type Error = HandleError;

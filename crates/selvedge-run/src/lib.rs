@@ -27,6 +27,7 @@
 //! |---|---|
 //! | [`Scene`] | from a file, a shipped name or parts in code: what is run, and where its motion begins |
 //! | [`Run`] | a scene and who moves it: step by step, with positions, velocities, warnings and snapshots |
+//! | [`step_all`] | many runs, moved side by side |
 //! | [`Snapshot`] | a state of a run, to go back to |
 //! | `Model` | a network with its name (feature `learned`) |
 //! | `Trajectory` | recorded frames, to write and to read (feature `files`) |
@@ -73,6 +74,7 @@ mod strain;
 mod through;
 #[cfg(feature = "files")]
 mod trajectory;
+mod worlds;
 
 use glam::{DVec3, Vec3};
 
@@ -86,7 +88,7 @@ pub use models::Model;
 pub use run::Network;
 pub use run::Run;
 pub use scene::Scene;
-pub use selvedge_cloth::{HandleTargets, Rigid, Snapshot, StepError, Stepper, Stop};
+pub use selvedge_cloth::{HandleTargets, Impulse, Rigid, Snapshot, StepError, Stepper, Stop};
 #[cfg(feature = "files")]
 pub use selvedge_data::{Recording, RecordingEnd, Trajectory};
 #[cfg(feature = "learned")]
@@ -97,6 +99,7 @@ pub use selvedge_sim::{
 pub use through::{LetThrough, let_through};
 #[cfg(feature = "files")]
 pub use trajectory::{provenance, trajectory};
+pub use worlds::step_all;
 
 /// The parts of a scene that is made in code.
 pub mod parts {

@@ -6,7 +6,8 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{
-    HandlePath, HandleTargets, Handles, Rigid, Snapshot, StepError, Stepper, Stop, Topology,
+    HandlePath, HandleTargets, Handles, Impulse, Rigid, Snapshot, StepError, Stepper, Stop,
+    Topology,
 };
 #[cfg(feature = "files")]
 use selvedge_data::{Recording, Trajectory};
@@ -439,6 +440,13 @@ impl Run {
         if let Mover::Solver(solver) = &mut self.mover {
             solver.lead_obstacle(number, away);
         }
+    }
+
+    /// What each obstacle received from the cloth over the last frame, `[obstacles]`: over the time of
+    /// a frame, the force on it. None without a solver, or without contact.
+    #[must_use]
+    pub fn impulses(&self) -> &[Impulse] {
+        self.solver().map_or(&[], Simulator::received)
     }
 
     /// Points of all obstacles now `[m]`, those of the first one first.

@@ -254,8 +254,46 @@ class Stepper:
         """Leads the obstacle of this number, from 0, in the next frame away from its own path, by the
         rigid motion of a matrix (4, 4); it stays there until it is led on. Only the solver has them.
         """
+    @property
+    def impulses(self) -> NDArray[np.float64]:
+        """Momentum [N s] and angular momentum about the origin [N m s] that each body received in the last
+        frame, (bodies, 2, 3), float64: times the frame rate, force and torque. Only the solver has them.
+        """
     def reset(self) -> None:
         """Goes back to the start."""
+
+@final
+class Worlds:
+    """Worlds of the physics, one for each of `scenes`, that move side by side on the processor's threads;
+    their cloths have the same number of vertices and of handles, and their scenes of bodies."""
+    def __new__(cls, scenes: Sequence[Scene], progress: _Progress | None = None) -> Worlds: ...
+    def __len__(self) -> int: ...
+    @property
+    def positions(self) -> NDArray[np.float32]:
+        """Positions of the newest frames [m], (worlds, n, 3), float32. It is the same array for the whole
+        life of the worlds, and cannot be written."""
+    def step(
+        self, targets: ArrayLike | None = None, released: Sequence[Sequence[bool]] | None = None
+    ) -> list[FrameError | None]:
+        """Moves every world by a frame: its handles to its part of `targets` [m], (worlds, handles, 3),
+        without them along the motions of the scenes; those in `released`, (worlds, handles) of bool, are
+        let go during this frame. Returns for each world `None`, or the error for which it stayed.
+        """
+    @property
+    def impulses(self) -> NDArray[np.float64]:
+        """Momentum [N s] and angular momentum about the origin [N m s] that each body received in the last
+        frame, (worlds, bodies, 2, 3), float64."""
+    @property
+    def frames(self) -> list[int]:
+        """Frames stepped, (worlds,)."""
+    def lead_body(self, world: int, body: int, matrix: ArrayLike) -> None:
+        """Leads a body of a world, as `Stepper.lead_body` does."""
+    def reset(self, world: int) -> None:
+        """Puts a world back to its start."""
+    def snapshot(self, world: int) -> Snapshot:
+        """The state of a world, for `restore` of any world of the same scene."""
+    def restore(self, world: int, snapshot: Snapshot) -> None:
+        """Puts a world into the state of a snapshot."""
 
 @final
 class Simulator(Stepper):

@@ -152,22 +152,17 @@ class ReachPose(gymnasium.Env):
         return np.asarray(canvas.buffer_rgba())[..., :3].copy()
 
 
-class ReachPoses(VectorEnv):
-    """`num_envs` worlds of `ReachPose`, moved side by side on the processor's threads; all else is as
-    there. What `gymnasium.make_vec("selvedge/ReachPose-v0", num_envs)` makes. With seed s world k goes
-    the way of a `ReachPose` with seed s + k. A world whose episode ended begins anew in the next step.
+class SideBySide(VectorEnv):
+    """Worlds of one kind, moved side by side on the processor's threads; all else is as in one of them.
+    With seed s world k goes the way of one with seed s + k. A world whose episode ended begins anew in
+    the next step.
     """
 
-    metadata = ReachPose.metadata | {"autoreset_mode": AutoresetMode.NEXT_STEP}
-
-    def __init__(self, num_envs: int = 1, scene: str | Scene = "default", model: str | Model | None = None, **arguments: Any) -> None:
-        # Read once for all worlds.
-        scene = scene if isinstance(scene, Scene) else Scene(scene)
-        model = Model(model) if isinstance(model, str) else model
-        self.envs = [ReachPose(scene, model, **arguments) for _ in range(num_envs)]
-        self.num_envs = num_envs
+    def __init__(self, envs: list[gymnasium.Env]) -> None:
+        self.envs = envs
+        self.num_envs = num_envs = len(envs)
         self.render_mode = self.envs[0].render_mode
-        self.metadata = self.metadata | self.envs[0].metadata
+        self.metadata = self.envs[0].metadata | {"autoreset_mode": AutoresetMode.NEXT_STEP}
         self.single_observation_space = self.envs[0].observation_space
         self.single_action_space = self.envs[0].action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -212,6 +207,16 @@ class ReachPoses(VectorEnv):
     def close_extras(self, **_: Any) -> None:
         """Ends the threads."""
         self._pool.shutdown()
+
+
+class ReachPoses(SideBySide):
+    """`num_envs` worlds of `ReachPose`: what `gymnasium.make_vec("selvedge/ReachPose-v0", num_envs)` makes."""
+
+    def __init__(self, num_envs: int = 1, scene: str | Scene = "default", model: str | Model | None = None, **arguments: Any) -> None:
+        # Read once for all worlds.
+        scene = scene if isinstance(scene, Scene) else Scene(scene)
+        model = Model(model) if isinstance(model, str) else model
+        super().__init__([ReachPose(scene, model, **arguments) for _ in range(num_envs)])
 
 
 def register() -> None:

@@ -120,6 +120,28 @@ pub unsafe extern "C" fn selvedge_copy_positions_f64(
     })
 }
 
+/// Copies what each body of the scene received from the cloth in the last frame to `out`, `[bodies][6]`:
+/// momentum `[N s]`, and angular momentum about the origin `[N m s]`; times the frame rate, force and torque.
+/// Of a model, and of a scene without contact, there are none.
+///
+/// # Safety
+/// `out` has room for `6 * bodies` numbers.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn selvedge_copy_impulses(
+    stepper: SelvedgeStepper,
+    out: *mut f64,
+    bodies: usize,
+) -> SelvedgeStatus {
+    with(stepper, |cloth| {
+        let received = cloth.impulses();
+        check("bodies", received.len(), bodies)?;
+        let both = received.iter().flat_map(|one| [one.linear, one.angular]);
+        let numbers: Vec<f64> = both.flat_map(|vector| vector.to_array()).collect();
+        // SAFETY: as for this function, and the count is the scene's.
+        unsafe { put_all(out, "out", numbers.into_iter()) }
+    })
+}
+
 /// Copies the faces to `out`, `[faces][3]`: numbers of their vertices, counterclockwise where they
 /// are seen from the front.
 ///

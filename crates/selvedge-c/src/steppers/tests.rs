@@ -290,6 +290,37 @@ fn threads_step_one_cloth_in_turn() {
 }
 
 #[test]
+fn a_body_receives_the_weight_of_what_lies_on_it() {
+    let scene = scene_of(concat!(
+        "name = 'lies'\nmaterial = { from = 'gray-interlock', density = 0.2 }\nstart = 'mesh'\n",
+        "mesh = { generator = { kind = 'square', vertices = 25, size = 0.3, seed = 1 },",
+        " transform = { rotation = { axis = [0, 0, 1], angle_deg = 90 } } }\n",
+        "[[obstacles]]\nname = 'box'\nbox = { size = [2, 0.1, 2] }\n",
+        "transform = { translation = [0, -0.051, 0] }\n"
+    ));
+    let stepper = physics(scene);
+    for _ in 0..90 {
+        assert_eq!(
+            selvedge_step_along(stepper),
+            SelvedgeStatus::Ok,
+            "{}",
+            words()
+        );
+    }
+    let mut six = [f64::NAN; 6];
+    let read = |six: &mut [f64; 6], bodies| unsafe {
+        selvedge_copy_impulses(stepper, six.as_mut_ptr(), bodies)
+    };
+    assert_eq!(read(&mut six, 1), SelvedgeStatus::Ok, "{}", words());
+    let weight = 0.2 * 0.09 * 9.8;
+    assert!((60.0 * -six[1] / weight - 1.0).abs() < 0.01, "{six:?}");
+    assert_ne!(read(&mut six, 2), SelvedgeStatus::Ok);
+    assert!(words().contains("bodies"), "{}", words());
+    selvedge_stepper_free(stepper);
+    selvedge_scene_free(scene);
+}
+
+#[test]
 fn a_cloth_is_set_elsewhere_by_a_matrix() {
     let stepper = physics(scene());
     let before = positions(stepper, 25);

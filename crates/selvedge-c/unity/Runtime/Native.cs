@@ -214,6 +214,10 @@ namespace Selvedge
             ulong stepper, double[] positions, UIntPtr vertices);
 
         [DllImport(Library, CallingConvention = C)]
+        internal static extern Status selvedge_copy_impulses(
+            ulong stepper, double[] impulses, UIntPtr bodies);
+
+        [DllImport(Library, CallingConvention = C)]
         internal static extern Status selvedge_copy_faces(
             ulong stepper, uint[] faces, UIntPtr count);
 

@@ -207,6 +207,14 @@ namespace Selvedge
                 handle, positions, Room(positions.Length, "positions")));
         }
 
+        /// <summary>Copies what each body received from the cloth in the last frame, [bodies, 6]:
+        /// momentum [N s], and angular momentum about the origin [N m s].</summary>
+        public void CopyImpulses(double[] impulses)
+        {
+            Check(Native.selvedge_copy_impulses(
+                handle, impulses, (UIntPtr)(uint)(impulses.Length / 6)));
+        }
+
         /// <summary>Vertices of the faces, [faces, 3], counterclockwise from the front in
         /// right-handed axes.</summary>
         public uint[] Faces()

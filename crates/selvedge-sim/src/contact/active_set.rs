@@ -183,7 +183,9 @@ impl Contact {
             gap: distance,
             thickness: self.bodies.thickness[body],
             law,
-            pressure: self.squeeze.push(pair, body, weighted / squares),
+            pressure: self
+                .squeeze
+                .push(pair, body, weighted / squares, gap.normal),
             mean_mass: weighted / squares,
             mass: 1.0 / inverse,
             base,

@@ -110,14 +110,15 @@ impl Barrier {
     }
 
     /// The tangent of a pair that is pressed firmly at the `start` and rests or parts: a fabric gives back
-    /// little of the work that pressed it together. Nothing, where it parts faster than the fabric recoils.
+    /// little of the work that pressed it together. Nothing, where it parts faster than the fabric recoils;
+    /// but of layers, what is expected without a push does not know of what presses them together.
     fn recoil(&self, start: f64, expected: f64, firm: Tangent) -> Tangent {
         let elastic = self.part(self.share, start);
         let tangent = Tangent {
             stiffness: elastic.stiffness + self.recovery * firm.stiffness,
             ..elastic
         };
-        if tangent.force_at(expected) > 0.0 {
+        if tangent.force_at(expected) > 0.0 || self.pressure.is_layered {
             tangent
         } else {
             Tangent {

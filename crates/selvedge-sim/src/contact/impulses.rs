@@ -2,6 +2,7 @@
 //! may.
 
 use glam::DVec3;
+use selvedge_cloth::Impulse;
 use selvedge_contact::CollisionMesh;
 
 use super::collisions::Collisions;
@@ -9,24 +10,25 @@ use super::collisions::Collisions;
 /// Momentum that obstacles have received over the frame under way.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ObstacleImpulses {
-    /// `[N s]`, `[obstacles]`.
-    pub(super) all: Vec<DVec3>,
+    /// `[obstacles]`
+    pub(super) all: Vec<Impulse>,
     /// False before the first frame after a saved state.
     pub(crate) are_known: bool,
     /// The same before the last solve.
-    before: Vec<DVec3>,
-    /// Mass by way that pushes of a projection moved since the last solve `[kg m]`, `[obstacles]`.
-    pushed: Vec<DVec3>,
+    before: Vec<Impulse>,
+    /// Mass by way that pushes of a projection moved since the last solve `[kg m]`, and its moment,
+    /// `[obstacles]`.
+    pushed: Vec<Impulse>,
 }
 
 impl ObstacleImpulses {
     /// Nothing yet, of so many obstacles.
     pub(super) fn none(obstacles: usize) -> Self {
         Self {
-            all: vec![DVec3::ZERO; obstacles],
+            all: vec![Impulse::ZERO; obstacles],
             are_known: false,
-            before: vec![DVec3::ZERO; obstacles],
-            pushed: vec![DVec3::ZERO; obstacles],
+            before: vec![Impulse::ZERO; obstacles],
+            pushed: vec![Impulse::ZERO; obstacles],
         }
     }
 
@@ -39,15 +41,20 @@ impl ObstacleImpulses {
         left: f64,
         collisions: &Collisions,
     ) {
-        self.pushed.fill(DVec3::ZERO);
+        self.pushed.fill(Impulse::ZERO);
         self.before.clone_from(&self.all);
         for collision in &collisions.list {
             let first = surface.body_of(collision.corners[0]);
             let body = first.max(surface.body_of(collision.corners[3]));
             if let Some(own) = body.checked_sub(1) {
                 let whole: f64 = collision.weights.iter().sum();
-                let force = collision.force_at(collision.displacement(|v| end[v]));
-                self.all[own] -= force * (whole * left);
+                let displacement = collision.displacement(|v| end[v]);
+                let impulse = collision.force_at(displacement) * -left;
+                let place = displacement - collision.drift + collision.base;
+                self.all[own] += Impulse {
+                    linear: impulse * whole,
+                    angular: place.cross(impulse),
+                };
             }
         }
     }
@@ -60,22 +67,28 @@ impl ObstacleImpulses {
     /// Leaves this `part` of what the last solve added.
     pub(super) fn cut_back(&mut self, part: f64) {
         for (all, before) in self.all.iter_mut().zip(&self.before) {
-            *all = before.lerp(*all, part);
+            *all = Impulse {
+                linear: before.linear.lerp(all.linear, part),
+                angular: before.angular.lerp(all.angular, part),
+            };
         }
     }
 
-    /// Notes that a push against this body, 0 for the cloth, moved a `mass` `[kg]` by `shift`
-    /// `[m]`.
-    pub(super) fn note_push(&mut self, body: usize, mass: f64, shift: DVec3) {
+    /// Notes that a push against this body, 0 for the cloth, moved a `mass` `[kg]` by `shift` to
+    /// `place` `[m]`.
+    pub(super) fn note_push(&mut self, body: usize, mass: f64, shift: DVec3, place: DVec3) {
         if let Some(own) = body.checked_sub(1) {
-            self.pushed[own] -= shift * mass;
+            self.pushed[own] += Impulse::at(place, shift * -mass);
         }
     }
 
     /// Adds the pushes after a solve over `left` `[s]`.
     pub(super) fn add_pushes(&mut self, left: f64) {
         for (all, pushed) in self.all.iter_mut().zip(&self.pushed) {
-            *all += *pushed / left;
+            *all += Impulse {
+                linear: pushed.linear / left,
+                angular: pushed.angular / left,
+            };
         }
     }
 }

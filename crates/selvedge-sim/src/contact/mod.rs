@@ -25,7 +25,9 @@ mod squeezed;
 mod step;
 
 use glam::{DMat3, DVec2, DVec3, Vec3};
-use selvedge_cloth::{ContactMemory, ContactSettings, Obstacle, Pushing, Rigid, Scene, VertexId};
+use selvedge_cloth::{
+    ContactMemory, ContactSettings, Impulse, Obstacle, Pushing, Rigid, Scene, VertexId,
+};
 use selvedge_contact::{Candidates, CollisionMesh, Gap, Intersection, Pair, SweptBoxes};
 
 use crate::active_handles::ActiveHandles;
@@ -350,15 +352,15 @@ impl Contact {
         };
     }
 
-    /// Momentum that each obstacle received since [`Self::forget_received`] `[N s]`, `[obstacles]`.
-    pub(crate) fn received(&self) -> &[DVec3] {
+    /// What each obstacle received since [`Self::forget_received`], `[obstacles]`.
+    pub(crate) fn received(&self) -> &[Impulse] {
         &self.received.all
     }
 
     /// Names of the obstacles that received momentum since [`Self::forget_received`].
     pub(crate) fn pushers(&self) -> Vec<String> {
         let pairs = self.bodies.obstacles.iter().zip(&self.received.all);
-        let pushers = pairs.filter(|(_, momentum)| **momentum != DVec3::ZERO);
+        let pushers = pairs.filter(|(_, received)| received.linear != DVec3::ZERO);
         pushers
             .map(|(obstacle, _)| obstacle.name().to_owned())
             .collect()
@@ -366,7 +368,7 @@ impl Contact {
 
     /// Begins to sum what obstacles receive anew.
     pub(crate) fn forget_received(&mut self) {
-        self.received.all.fill(DVec3::ZERO);
+        self.received.all.fill(Impulse::ZERO);
         self.received.are_known = true;
     }
 

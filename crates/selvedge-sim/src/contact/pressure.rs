@@ -18,6 +18,9 @@ const FIRM: f64 = 15.0;
 /// Cosine of two directions from which a vertex between them is squeezed.
 const OPPOSITE: f64 = -0.5;
 
+/// Part of a corner in the closest point of a face from which what presses there presses the corner.
+const BORNE: f64 = 0.2;
+
 /// Of pairs that stand for no area: the part of the thickness at which they begin to bear, with which
 /// pressure over e - 1 of what they are near `[Pa]`, and by which power of e it rises to no gap. They bear
 /// where cloth is pulled over a rim or a point, and bear nothing where the vertices around do.
@@ -37,6 +40,8 @@ pub(super) struct Pressure {
     begin: f64,
     /// Force from which friction holds firmly `[N]`.
     firm: f64,
+    /// True if layers lie on each other there: none of them parts while others press it.
+    pub(super) is_layered: bool,
 }
 
 impl Pressure {
@@ -46,7 +51,17 @@ impl Pressure {
         rise: 1.0,
         begin: 0.0,
         firm: f64::INFINITY,
+        is_layered: false,
     };
+
+    /// That of half the area.
+    fn halved(self) -> Self {
+        Self {
+            least: 0.5 * self.least,
+            firm: 0.5 * self.firm,
+            ..self
+        }
+    }
 
     /// The tangent of the force at `gap` `[m]` of a pair of this `thickness` `[m]`.
     pub(super) fn tangent(&self, gap: f64, thickness: f64) -> Tangent {
@@ -82,6 +97,8 @@ pub(super) struct Squeeze {
     /// Which are squeezed between bodies, and a side from which one pushes, `[vertices]`.
     squeezed: Vec<bool>,
     sides: Vec<DVec3>,
+    /// Which touch another layer, `[vertices]`.
+    layered: Vec<bool>,
 }
 
 impl Squeeze {
@@ -111,43 +128,106 @@ impl Squeeze {
             rise: rise / area,
             begin: 1.0,
             firm: FIRM * area,
+            is_layered: false,
         });
         Self {
             pressures: pressures.collect(),
             density: mass.iter().sum::<f64>() / all,
             squeezed: vec![false; mass.len()],
             sides: vec![DVec3::ZERO; mass.len()],
+            layered: vec![false; mass.len()],
         }
     }
 
     /// Sees which vertices of the cloth are squeezed: bodies push them from two opposite sides, as the
-    /// fingers of a hand do. What lies, hangs or falls on one bears softly, with the barrier alone.
+    /// fingers of a hand do, themselves or through layers of cloth. What lies, hangs or falls on one bears
+    /// softly, with the barrier alone.
     pub(super) fn see<'a>(&mut self, near: impl Iterator<Item = &'a ClosePair>) {
         self.squeezed.fill(false);
         self.sides.fill(DVec3::ZERO);
-        for near in near.filter(|near| near.body > 0 && near.pair.kind == Kind::VertexFace) {
+        self.layered.fill(false);
+        let mut layers = Vec::new();
+        for near in near.filter(|near| near.pair.kind == Kind::VertexFace) {
+            if near.body == 0 {
+                for (corner, weight) in near.pair.corners.iter().zip(near.gap.weights) {
+                    self.layered[*corner as usize] |= weight.abs() >= BORNE;
+                }
+                layers.push(near);
+                continue;
+            }
             for (corner, weight) in near.pair.corners.iter().zip(near.gap.weights) {
-                let side = near.gap.normal * weight.signum();
-                match self.sides.get_mut(*corner as usize) {
-                    Some(first) if *first == DVec3::ZERO => *first = side,
-                    Some(first) if first.dot(side) < OPPOSITE => {
-                        self.squeezed[*corner as usize] = true;
+                self.press(*corner, near.gap.normal * weight.signum());
+            }
+        }
+        let mut goes_on = true;
+        while std::mem::take(&mut goes_on) {
+            for near in &layers {
+                let (vertex, face) = (near.pair.corners[0], &near.pair.corners[1..]);
+                let weights = &near.gap.weights[1..];
+                let borne = || face.iter().zip(weights).filter(|(_, w)| w.abs() >= BORNE);
+                for side in self.pushes(vertex, -near.gap.normal).into_iter().flatten() {
+                    for (corner, _) in borne() {
+                        goes_on |= self.press(*corner, side);
                     }
-                    _ => (),
+                }
+                for (corner, _) in borne() {
+                    for side in self.pushes(*corner, near.gap.normal).into_iter().flatten() {
+                        goes_on |= self.press(vertex, side);
+                    }
                 }
             }
         }
     }
 
-    /// The push of a pair of this mean mass `[kg]` with a body under pressure, where the cloth is squeezed:
-    /// each vertex bears for its own area.
-    pub(super) fn push(&self, pair: &Pair, body: usize, mean_mass: f64) -> Pressure {
+    /// Notes that a body pushes a vertex of the cloth from this side. Returns true if that is new.
+    fn press(&mut self, vertex: u32, side: DVec3) -> bool {
+        let vertex = vertex as usize;
+        match self.sides.get_mut(vertex) {
+            Some(first) if *first == DVec3::ZERO => *first = side,
+            Some(first) if first.dot(side) < OPPOSITE && !self.squeezed[vertex] => {
+                self.squeezed[vertex] = true;
+            }
+            _ => return false,
+        }
+        true
+    }
+
+    /// The pushes of bodies on a vertex that go on along this direction: those of its sides.
+    fn pushes(&self, vertex: u32, along: DVec3) -> [Option<DVec3>; 2] {
+        let first = self.sides[vertex as usize];
+        let second = match self.squeezed[vertex as usize] {
+            true => -first,
+            false => DVec3::ZERO,
+        };
+        [first, second].map(|side| (side.dot(along) > -OPPOSITE).then_some(side))
+    }
+
+    /// The push of a vertex.
+    fn own(&self, vertex: usize) -> Pressure {
+        Pressure {
+            is_layered: self.layered[vertex],
+            ..self.pressures[vertex]
+        }
+    }
+
+    /// The push of a pair of this mean mass `[kg]` and direction under pressure, where the cloth is
+    /// squeezed: each vertex bears for its own area. Of two layers each bears on the other, by half.
+    pub(super) fn push(&self, pair: &Pair, body: usize, mean_mass: f64, normal: DVec3) -> Pressure {
         let is_squeezed = |corner: &u32| self.squeezed.get(*corner as usize) == Some(&true);
-        if body == 0 || !pair.corners.iter().any(is_squeezed) {
+        let own = pair.corners[0] as usize;
+        if body == 0 {
+            let is_across = || self.sides[own].dot(normal).abs() > -OPPOSITE;
+            let is_between = || pair.corners[1..].iter().any(is_squeezed) && is_across();
+            return match pair.kind {
+                Kind::VertexFace if self.squeezed[own] && is_between() => self.own(own).halved(),
+                _ => Pressure::NONE,
+            };
+        }
+        if !pair.corners.iter().any(is_squeezed) {
             return Pressure::NONE;
         }
-        match (pair.kind, self.pressures.get(pair.corners[0] as usize)) {
-            (Kind::VertexFace, Some(own)) => *own,
+        match pair.kind {
+            Kind::VertexFace if own < self.pressures.len() => self.own(own),
             _ => Pressure {
                 least: RIM_PRESSURE * mean_mass / self.density,
                 rise: RIM_RISE,
@@ -171,6 +251,7 @@ mod tests {
                 rise: 13.8,
                 begin: 1.0,
                 firm: 1e-2,
+                is_layered: false,
             },
         );
         let curve = |gap: f64| 2e-4 * ((13.8 * (1.0 - gap / thickness)).exp() - 1.0);

@@ -177,7 +177,7 @@ impl Contact {
     /// Notes that a push against `body` moved point `p` by `shift` `[m]`.
     fn note_push(&mut self, body: usize, p: usize, shift: DVec3) {
         if let Some(mass) = self.mass.get(p) {
-            self.received.note_push(body, *mass, shift);
+            self.received.note_push(body, *mass, shift, self.end[p]);
         }
     }
 

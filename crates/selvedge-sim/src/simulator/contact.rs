@@ -2,7 +2,7 @@
 //! places of obstacles, and what it counted.
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{HandleTargets, Rigid, Squeezed, StepError};
+use selvedge_cloth::{HandleTargets, Impulse, Rigid, Squeezed, StepError};
 use selvedge_contact::Intersection;
 
 use super::Simulator;
@@ -240,8 +240,13 @@ impl Simulator {
     /// receive. Vertices that were held back give nothing.
     #[must_use]
     pub fn obstacle_impulses(&self) -> Vec<DVec3> {
-        let contact = self.contact.as_ref();
-        contact.map_or_else(Vec::new, |contact| contact.received().to_vec())
+        self.received().iter().map(|one| one.linear).collect()
+    }
+
+    /// The same with the angular momentum, `[obstacles]`.
+    #[must_use]
+    pub fn received(&self) -> &[Impulse] {
+        self.contact.as_ref().map_or(&[], |c| c.received())
     }
 
     /// Points of all obstacles now `[m]`, those of the first obstacle first; none without contact.

@@ -4,9 +4,9 @@
 
 use std::f64::consts::TAU;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use selvedge_cloth::{
-    Compression, ContactSettings, HandleTargets, Obstacle, PhysicsSettings, Scene, bodies,
+    Compression, ContactSettings, HandleTargets, Mesh, Obstacle, PhysicsSettings, Scene, bodies,
 };
 use selvedge_sim::Simulator;
 
@@ -25,18 +25,35 @@ const DENSITY: f64 = 0.187;
 /// A cloth of `squares`² squares, held at its upper edge, and two fingers around it, 1 cm below. They close
 /// from 10 mm to `gap` `[m]` a side within 0.3 s, and go where `way` has them then.
 fn gripped(squares: usize, fabric: &str, gap: f64, way: &[(f64, DVec3)]) -> Scene {
+    layered(1, squares, fabric, gap, way)
+}
+
+/// The same of several cloths, 1 mm apart at first, that bear on each other: `gap` is that of each two.
+fn layered(layers: u32, squares: usize, fabric: &str, gap: f64, way: &[(f64, DVec3)]) -> Scene {
     let spacing = WIDTH / squares as f64;
-    let mesh = grid(squares, squares, spacing, |c| {
-        DVec3::new(0.0, c.y - WIDTH, c.x - 0.5 * WIDTH)
-    });
-    let held: Vec<u32> = (0..=squares as u32).collect();
+    let count = ((squares + 1) * (squares + 1)) as u32;
+    let (mut faces, mut coordinates, mut places, mut held) = (vec![], vec![], vec![], vec![]);
+    for layer in 0..layers {
+        let aside = 1e-3 * (f64::from(layer) - 0.5 * f64::from(layers - 1));
+        let own = grid(squares, squares, spacing, |c| {
+            DVec3::new(aside, c.y - WIDTH, c.x - 0.5 * WIDTH)
+        });
+        let first = layer * count;
+        faces.extend(squares_of(squares).iter().map(|f| f.map(|v| v + first)));
+        places.extend_from_slice(own.positions());
+        let flat = own.positions().iter();
+        coordinates.extend(flat.map(|p| DVec2::new(p.z + 0.5 * WIDTH, p.y + WIDTH)));
+        held.extend(first..=first + squares as u32);
+    }
+    let mesh = Mesh::new(&faces, coordinates, places).unwrap();
     let mut scene = scene(mesh, material(fabric), &held);
     scene.physics = PhysicsSettings::default();
     scene.contact = Some(ContactSettings {
         friction: FRICTION,
         ..ContactSettings::default()
     });
-    scene.obstacles = [-1.0, 1.0].map(|sign| finger(sign, gap, way)).to_vec();
+    let half = 0.5 * f64::from(layers + 1) * gap;
+    scene.obstacles = [-1.0, 1.0].map(|sign| finger(sign, half, way)).to_vec();
     scene
 }
 
@@ -73,6 +90,39 @@ fn between(scene: &Scene, positions: &[DVec3], part: f64) -> Vec<usize> {
     let within = |p: DVec3| p.z.abs().max((p.y + 0.5 * PAD + 0.01).abs()) < part * 0.5 * PAD;
     let all = 0..scene.mesh.positions().len();
     all.filter(|v| within(positions[*v])).collect()
+}
+
+fn squares_of(squares: usize) -> Vec<[u32; 3]> {
+    crate::scenes::squares(squares, squares)
+}
+
+#[test]
+fn layers_between_fingers_bear_on_each_other_as_on_the_fingers() {
+    let lift = [(0.45, DVec3::ZERO), (0.65, DVec3::Y * 0.05)];
+    let gap = 4e-4;
+    for layers in [2, 4] {
+        for (squares, substeps) in [(10, 1), (10, 2), (10, 4)] {
+            let scene = layered(layers, squares, GRAY, gap, &lift);
+            let mut simulator = closed(&scene, substeps);
+            let start = simulator.positions_f64().to_vec();
+            let own = between(&scene, &start, 1.0);
+            let area: f64 = own.iter().map(|v| simulator.vertex_mass()[*v]).sum::<f64>()
+                / scene.material.density
+                / f64::from(layers);
+            let expected = area * Compression::default().pressure(gap / 1e-3);
+            let push = 60.0 * simulator.obstacle_impulses()[0].x.abs();
+            let error = push / expected - 1.0;
+            steps(&mut simulator, &let_go(&scene), 51);
+            assert_eq!(simulator.intersection_count(), 0);
+            let now = simulator.positions_f64();
+            let inner = own.iter().filter(|v| start[**v].z.abs() < 0.4 * PAD);
+            let slips = inner.map(|v| (now[*v] - start[*v] - DVec3::Y * 0.05).length());
+            let slip = slips.fold(0.0, f64::max);
+            println!("{layers} {squares} {substeps}: push {error:.3} beside, slip {slip:.2e} m");
+            assert!(error.abs() < 0.1, "{layers} {squares} {substeps}: {error}");
+            assert!(slip < 5e-4, "{layers} {squares} {substeps}: {slip}");
+        }
+    }
 }
 
 #[test]
