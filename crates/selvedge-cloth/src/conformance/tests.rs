@@ -118,8 +118,13 @@ impl Stepper for Carrier {
 /// What the check says of a stepper with this defect.
 fn found(defect: Defect) -> String {
     let checked = std::panic::catch_unwind(|| check(|| carrier(defect), HandlesEnd::AtTargets));
-    let said = checked.err().map(|said| said.downcast::<String>());
-    said.map_or_else(String::new, |said| *said.unwrap())
+    let Err(said) = checked else {
+        return String::new();
+    };
+    match said.downcast::<String>() {
+        Ok(said) => *said,
+        Err(said) => (*said.downcast::<&str>().unwrap()).to_owned(),
+    }
 }
 
 #[test]
