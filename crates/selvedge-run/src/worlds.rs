@@ -45,17 +45,11 @@ mod tests {
             bend: elastic.bend_table(),
             compression: Compression::default(),
         };
-        let held = match lies {
-            true => &[][..],
-            false => &sheet.labels["upper-corners"][..],
-        };
+        let held = if lies { &[][..] } else { &sheet.labels["upper-corners"][..] };
         let handles = Handles::new(held, 49).unwrap();
         let flat = sheet.mesh.positions().iter();
         let flat = flat.map(|p| DVec3::new(p.y, 9e-4, p.z)).collect();
-        let mesh = match lies {
-            true => sheet.mesh.with_positions(flat).unwrap(),
-            false => sheet.mesh,
-        };
+        let mesh = if lies { sheet.mesh.with_positions(flat).unwrap() } else { sheet.mesh };
         let mut scene = Built::of("sheet", mesh, handles, material);
         if lies {
             let body = bodies::cuboid(DVec3::new(2.0, 0.1, 2.0));

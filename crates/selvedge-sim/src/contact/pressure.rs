@@ -195,10 +195,7 @@ impl Squeeze {
     /// The pushes of bodies on a vertex that go on along this direction: those of its sides.
     fn pushes(&self, vertex: u32, along: DVec3) -> [Option<DVec3>; 2] {
         let first = self.sides[vertex as usize];
-        let second = match self.squeezed[vertex as usize] {
-            true => -first,
-            false => DVec3::ZERO,
-        };
+        let second = if self.squeezed[vertex as usize] { -first } else { DVec3::ZERO };
         [first, second].map(|side| (side.dot(along) > -OPPOSITE).then_some(side))
     }
 
