@@ -406,7 +406,9 @@ SelvedgeStatus selvedge_copy_positions_f64(SelvedgeStepper stepper, double *out,
 //
 // # Safety
 // `out` has room for `6 * bodies` numbers.
-SelvedgeStatus selvedge_copy_impulses(SelvedgeStepper stepper, double *out, size_t bodies);
+SelvedgeStatus selvedge_copy_impulses(SelvedgeStepper stepper,
+                                      double *out,
+                                      size_t bodies);
 
 // Copies the faces to `out`, `[faces][3]`: numbers of their vertices, counterclockwise where they
 // are seen from the front.
