@@ -16,6 +16,8 @@ use crate::stepper::{Snapshot, begin, impulses_of, rigid_of};
 
 /// Worlds of the physics, one for each of `scenes`, that move side by side on the processor's threads;
 /// their cloths have the same number of vertices and of handles, and their scenes of bodies.
+///
+/// `Worlds(scenes, progress=None)` starts each where its scene says.
 #[pyclass(frozen, module = "selvedge")]
 pub(crate) struct Worlds {
     runs: Mutex<Vec<Run>>,

@@ -265,7 +265,9 @@ class Stepper:
 @final
 class Worlds:
     """Worlds of the physics, one for each of `scenes`, that move side by side on the processor's threads;
-    their cloths have the same number of vertices and of handles, and their scenes of bodies."""
+    their cloths have the same number of vertices and of handles, and their scenes of bodies.
+
+    `Worlds(scenes, progress=None)` starts each where its scene says."""
     def __new__(cls, scenes: Sequence[Scene], progress: _Progress | None = None) -> Worlds: ...
     def __len__(self) -> int: ...
     @property
