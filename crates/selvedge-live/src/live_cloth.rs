@@ -156,6 +156,18 @@ impl LiveCloth {
         self.change(self.influences.clone(), &kept)
     }
 
+    /// Handles that the motion lets take hold again, marked in `taken`, do so of each cloth at its own
+    /// place.
+    pub(crate) fn take_hold_in_each(&mut self, taken: impl Iterator<Item = bool>) {
+        let kept = taken
+            .enumerate()
+            .map(|(handle, taken)| (!taken).then_some(handle));
+        let kept: Vec<Option<usize>> = kept.collect();
+        if kept.contains(&None) {
+            self.take_hold(&kept);
+        }
+    }
+
     fn change(&mut self, influences: Influences, kept: &[Option<usize>]) -> Result<(), LiveError> {
         let changed: Result<Vec<_>, LiveError> = self
             .all
@@ -195,12 +207,13 @@ impl LiveCloth {
         moving.or_else(last).unwrap_or(&self.all[0])
     }
 
-    /// Steps by one frame, the handles to `targets`. A stepper that fails stops; the other
-    /// continues. Returns what to tell people of the first that has stopped now.
-    pub(crate) fn step(&mut self, targets: &HandleTargets) -> Option<String> {
+    /// Steps by one frame, the handles to `targets` of a hand or of a motion. A stepper that fails
+    /// stops; the other continues. Returns what to tell people of the first that has stopped now.
+    pub(crate) fn step(&mut self, targets: &HandleTargets, by_hand: bool) -> Option<String> {
         self.frame += 1;
         let mut first = None;
         for one in &mut self.all {
+            one.stepper.led_by_hand(by_hand);
             let stopped = one.step(targets, &self.gauge, self.frame);
             first = first.or(stopped);
         }
@@ -241,6 +254,17 @@ impl LiveCloth {
             .handles
             .of(self.leader().stepper.positions());
         places.map(|p| p.as_dvec3()).collect()
+    }
+
+    /// As [`Self::places`], as exactly as the stepper has them.
+    pub(crate) fn handle_places(&self) -> Vec<DVec3> {
+        self.leader().stepper.handle_places()
+    }
+
+    /// Targets that a frame of a motion has.
+    pub(crate) fn samples(&self) -> usize {
+        let each = self.all.iter().map(|one| one.stepper.samples());
+        each.max().unwrap_or(1)
     }
 
     /// Leads the bodies over the next frame to `offsets` `[m]` from their own paths, `[bodies]`.

@@ -63,6 +63,15 @@ pub trait LiveStepper: Stepper + Send {
     /// Returns the same cloth in the same motion, under `influences`.
     fn changed(&self, influences: &Influences) -> Result<Box<dyn LiveStepper>, LiveError>;
 
+    /// Targets that a frame of a motion has for this mover: one for each of its substeps.
+    fn samples(&self) -> usize {
+        1
+    }
+
+    /// Whether a person leads the handles from now on. A hand is stopped before cloth without room is
+    /// let through a body; a motion goes as the scene says.
+    fn led_by_hand(&mut self, _by_hand: bool) {}
+
     /// Leads body `number` over the next step, straight, to `offset` `[m]` from its own path. A
     /// mover that does not see bodies has nothing to do.
     fn lead_body(&mut self, _number: usize, _offset: DVec3) {}

@@ -140,7 +140,7 @@ impl TestCloth {
             cloth: Arc::new(cloth()),
             frame_rate: 60.0,
             environment: Environment::default(),
-            scene_path: Arc::new(scene_path().scheduled(self.schedule.clone())),
+            scene_path: scene_path().scheduled(self.schedule.clone()),
             start_frame: self.start_frame,
             remarks: Vec::new(),
             bodies: self.bodies.clone(),
@@ -197,10 +197,6 @@ struct ScriptedStepper {
     cloth: Cloth,
     positions: Vec<Vec3>,
     frame: usize,
-    /// The place that each handle was told `[m]`, whether it held, and its distance, `[handles]`.
-    targets: Vec<Vec3>,
-    held: Vec<bool>,
-    offsets: Vec<Vec3>,
     /// Distances of the bodies from their own paths `[m]`, `[bodies]`, and those of the last frame
     /// where they had no room in it.
     shifts: Vec<DVec3>,
@@ -214,9 +210,6 @@ impl ScriptedStepper {
         Self {
             kind,
             of,
-            targets: handles.select(&positions),
-            held: vec![true; handles.len()],
-            offsets: vec![Vec3::ZERO; handles.len()],
             cloth: cloth().with_handles(handles).unwrap(),
             positions,
             frame: 0,
@@ -266,20 +259,13 @@ impl Stepper for ScriptedStepper {
                 cause: "too far".to_owned(),
             });
         }
-        let before = self.positions.clone();
         for position in &mut self.positions {
             position.y -= self.of.fall;
         }
         for (handle, vertex) in self.cloth.handles().vertices().iter().enumerate() {
-            let (vertex, target) = (vertex.index(), targets.end()[handle].as_vec3());
             if targets.holds(handle) {
-                if !self.held[handle] {
-                    self.offsets[handle] = before[vertex] - self.targets[handle];
-                }
-                self.positions[vertex] = target + self.offsets[handle];
+                self.positions[vertex.index()] = targets.end()[handle].as_vec3();
             }
-            self.targets[handle] = target;
-            self.held[handle] = targets.holds(handle);
         }
         self.frame += 1;
         Ok(())

@@ -21,7 +21,7 @@ pub struct ReadyCloth {
     /// Gravity and air of the scene.
     pub environment: Environment,
     /// The way of the handles along the scene's own motion, from its start.
-    pub scene_path: Arc<HandlePath>,
+    pub scene_path: HandlePath,
     /// Frames of that motion that have passed at the start of the cloth.
     pub start_frame: usize,
     /// Remarks for people, such as parts of the scene that are not available here.

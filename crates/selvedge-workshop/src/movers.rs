@@ -17,6 +17,8 @@ use selvedge_sim::{Checkpoint, Simulator};
 pub(super) struct LivePhysics {
     scene: Arc<Scene>,
     simulator: Simulator,
+    /// True where a person leads the handles, not the scene.
+    by_hand: bool,
     /// True where the last step had no room for what was led.
     was_blocked: bool,
 }
@@ -38,6 +40,7 @@ impl LivePhysics {
         Ok(Self {
             scene: Arc::clone(scene),
             simulator,
+            by_hand: true,
             was_blocked: false,
         })
     }
@@ -88,7 +91,7 @@ impl Stepper for LivePhysics {
             error,
             StepError::Contact { .. } | StepError::Overstretched { .. }
         );
-        if self.scene.contact.is_none() || !has_no_room {
+        if !self.by_hand || self.scene.contact.is_none() || !has_no_room {
             return Err(error);
         }
         if self.step_still(targets).is_ok() {
@@ -111,6 +114,16 @@ impl LiveStepper for LivePhysics {
             state.previous = None;
         }
         Ok(Box::new(Self::start(&self.scene, influences, &state)?))
+    }
+
+    fn samples(&self) -> usize {
+        self.scene.physics.substeps as usize
+    }
+
+    fn led_by_hand(&mut self, by_hand: bool) {
+        self.by_hand = by_hand;
+        let squeezed = if by_hand { Squeezed::Stop } else { self.squeezed() };
+        self.simulator.set_squeezed(squeezed);
     }
 
     fn lead_body(&mut self, number: usize, offset: DVec3) {

@@ -109,7 +109,7 @@ impl SceneWorkshop {
             cloth: Arc::clone(&cloth),
             frame_rate: scene.frame_rate,
             environment: scene.environment,
-            scene_path: Arc::new(scene.handle_path()?),
+            scene_path: scene.handle_path()?,
             start_frame: start.frame,
             remarks,
             bodies: bodies::of(&scene),

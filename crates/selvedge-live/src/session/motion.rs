@@ -4,11 +4,9 @@
 //! A motion may release handles. Where one is attached again, or the motion ends, the hand is put
 //! where the cloth has the vertex by then, and the rest of the path goes on from there.
 
-use std::sync::Arc;
-
 use glam::DVec3;
 use selvedge_cloth::motion::named;
-use selvedge_cloth::{HandlePath, HandleTargets, Motion};
+use selvedge_cloth::{HandleTargets, Motion};
 
 use super::Session;
 use super::commands::NO_CLOTH;
@@ -32,7 +30,7 @@ impl Session {
         let following = if name == SCENE_MOTION {
             live.restart()?;
             let ready = live.ready();
-            let (path, first) = (Arc::clone(&ready.scene_path), ready.start_frame);
+            let (path, first) = (ready.scene_path.clone(), ready.start_frame);
             self.begin();
             Following::new(name, Some(path), first)
         } else {
@@ -52,7 +50,7 @@ impl Session {
     pub(super) fn unfollow(&mut self) {
         if let Some(following) = self.control.following.take() {
             if following.path.is_some() {
-                if let Err(error) = self.take_hold(&following.free) {
+                if let Err(error) = self.take_hold(&following.place.free) {
                     self.notify(Level::Bad, error.to_string());
                 }
                 self.control.hands.brake(&self.control.limits);
@@ -85,7 +83,8 @@ impl Session {
             return;
         }
         let rate = self.showing.frame_rate();
-        let before = (self.control.hands.clone(), self.control.following.clone());
+        let place = self.control.following.as_ref().map(|f| f.place.clone());
+        let before = (self.control.hands.clone(), place);
         let targets = match self.next_targets(rate) {
             Ok(targets) => targets,
             Err(error) => {
@@ -97,10 +96,15 @@ impl Session {
         let Some(live) = &mut self.showing.live else {
             return;
         };
-        let stopped = live.step(&targets);
+        let led = self.control.following.as_ref();
+        let by_hand = led.is_none_or(|following| following.path.is_none());
+        let stopped = live.step(&targets, by_hand);
         if !live.is_moving() {
             // The mover that takes over makes this frame.
-            (self.control.hands, self.control.following) = before;
+            self.control.hands = before.0;
+            if let (Some(following), Some(place)) = (&mut self.control.following, before.1) {
+                following.place = place;
+            }
         }
         if let Some(recorder) = &mut self.recordings.recorder {
             recorder.keep(live);
@@ -118,19 +122,17 @@ impl Session {
 
     fn next_targets(&mut self, rate: f64) -> Result<HandleTargets, Reason> {
         self.begin_motion(rate)?;
-        let path = self.control.following.as_ref().and_then(|f| f.path.clone());
-        if let Some(path) = path
-            && let Some(mut following) = self.control.following.take()
+        if let Some(over) = self
+            .control
+            .following
+            .take_if(|following| following.is_over())
         {
-            if following.frame < path.frame_count() {
-                let targets = self.follow_path(&mut following, &path, rate);
-                self.control.following = Some(following);
-                return targets;
-            }
-            let last = following.places(&path, following.frame as f64, rate);
-            self.control.hands = Hands::at(&last);
+            self.control.hands = Hands::at(&self.control.hands.positions());
             self.writers.tell_soon();
-            self.take_hold(&following.free)?;
+            self.take_hold(&over.place.free)?;
+        }
+        if let Some(targets) = self.follow_path(rate)? {
+            return Ok(targets);
         }
         if let Some(live) = &self.showing.live {
             let handles = &live.influences().handles;
@@ -152,25 +154,26 @@ impl Session {
         Ok(HandleTargets::at_frame_end(positions)?)
     }
 
-    /// Leads the hands along `path` by one frame.
-    fn follow_path(
-        &mut self,
-        following: &mut Following,
-        path: &HandlePath,
-        rate: f64,
-    ) -> Result<HandleTargets, Reason> {
-        let mut targets = following.targets(path, rate)?;
-        let before = std::mem::replace(&mut following.free, let_go(&targets));
-        let now = before.iter().zip(&following.free);
-        let taken: Vec<bool> = now.map(|(before, now)| *before && !now).collect();
-        if taken.contains(&true) {
-            self.take_hold(&taken)?;
-            following.go_on_from(&self.control.hands.positions(), path, rate);
-            targets = following.targets(path, rate)?;
-        }
-        following.frame += 1;
+    /// Leads the hands by one frame along the path that they follow, if there is one.
+    fn follow_path(&mut self, rate: f64) -> Result<Option<HandleTargets>, Reason> {
+        let Some(live) = &mut self.showing.live else {
+            return Ok(None);
+        };
+        let Some(following) = &mut self.control.following else {
+            return Ok(None);
+        };
+        let Some(path) = &mut following.path else {
+            return Ok(None);
+        };
+        let place = &mut following.place;
+        path.follow(place.frame, &live.handle_places());
+        let targets = path.targets(place.frame, live.samples())?;
+        let before = std::mem::replace(&mut place.free, let_go(&targets));
+        let now = before.iter().zip(&place.free);
+        live.take_hold_in_each(now.map(|(before, now)| *before && !now));
+        place.frame += 1;
         self.control.hands = self.control.hands.led_to(targets.end(), 1.0 / rate);
-        Ok(targets)
+        Ok(Some(targets))
     }
 
     /// Binds the motion that waits, once the handles are at rest.
@@ -181,7 +184,7 @@ impl Session {
         {
             let motion = motion_called(&following.name)?;
             let path = motion.bind(&self.control.hands.positions(), rate)?;
-            following.path = Some(Arc::new(path));
+            following.path = Some(path);
         }
         Ok(())
     }

@@ -1,4 +1,4 @@
-//! The same scenes by the program, the library for Rust and that for C: the same bytes. Python's are
+//! The same scenes by the program, the library for Rust, that for C and the viewer: the same bytes. Python's are
 //! compared in `python/tests/test_same_bytes.py`, those of WebAssembly in `web/tests/module.mjs`.
 #![allow(unsafe_code, reason = "the library for C is called as C calls it")]
 
@@ -6,6 +6,7 @@ use std::ffi::CString;
 use std::ops::ControlFlow;
 use std::ptr;
 
+use selvedge::machine::Machine;
 use selvedge::{Model, Run, Scene};
 use selvedge_c::models::selvedge_model_open;
 use selvedge_c::scenes::selvedge_scene_open;
@@ -14,6 +15,10 @@ use selvedge_c::steppers::{
     selvedge_copy_positions, selvedge_step_along, selvedge_stepper_free, selvedge_stepper_model,
     selvedge_stepper_physics,
 };
+
+use selvedge_live::protocol::{VERSION, kind};
+use selvedge_live::{EmbeddedSession, Mover, Opening, Order};
+use selvedge_workshop::SceneWorkshop;
 
 use crate::common::TestFolder;
 
@@ -92,6 +97,43 @@ fn of_c(scene: &str, model: Option<&str>, vertices: usize) -> Vec<f32> {
     all
 }
 
+/// A recording of the scene's own motion, as a page orders it frame by frame.
+fn of_viewer(scene: &str, model: Option<&str>) -> Vec<f32> {
+    let dir = TestFolder::new();
+    let workshop = SceneWorkshop::new(scene, &[], Machine::Cpu).unwrap();
+    let order = Order {
+        model: model.unwrap_or("paper").to_owned(),
+        ..workshop.first_order()
+    };
+    let mover = if model.is_some() { Mover::Model } else { Mover::Physics };
+    let opening = Opening {
+        order,
+        mover,
+        replay: None,
+    };
+    let folder = Some(dir.path("recordings"));
+    let mut session = EmbeddedSession::new(Box::new(workshop), opening, folder);
+    // Makes the cloth ready; what follows is done as it is received.
+    session.turn(&mut |_| {});
+    let begin = [
+        r#"{"do":"pause"}"#,
+        r#"{"do":"motion","name":"scene"}"#,
+        r#"{"do":"record"}"#,
+    ];
+    let steps = [r#"{"do":"step"}"#; FRAMES];
+    for command in begin
+        .iter()
+        .chain(&steps)
+        .chain(&[r#"{"do":"stop-recording"}"#])
+    {
+        let message = [&[VERSION, kind::COMMAND, 0, 0], command.as_bytes()].concat();
+        session.receive(&message).unwrap();
+    }
+    let by = if model.is_some() { "model" } else { "physics" };
+    let run = dir.trajectory(&format!("recordings/recording-1-{by}.safetensors"));
+    run.positions().iter().flat_map(|p| p.to_array()).collect()
+}
+
 /// The first frame and vertex in which two runs differ.
 fn apart(a: &[f32], b: &[f32], vertices: usize) -> Option<(usize, usize)> {
     assert_eq!(a.len(), b.len());
@@ -108,17 +150,14 @@ fn the_same_scenes_have_the_same_bytes_by_every_front() {
         let vertices = wanted.len() / 3 / (FRAMES + 1);
         let moved = |frame: usize| wanted[3 * vertices * frame] != wanted[0];
         assert!(moved(FRAMES), "{name}: nothing moves");
-        let found = of_rust(&scene, model);
-        assert_eq!(
-            apart(&wanted, &found, vertices),
-            None,
-            "Rust, {name} {model:?}"
-        );
-        let found = of_c(&scene, model, vertices);
-        assert_eq!(
-            apart(&wanted, &found, vertices),
-            None,
-            "C, {name} {model:?}"
-        );
+        let others = [
+            ("Rust", of_rust(&scene, model)),
+            ("C", of_c(&scene, model, vertices)),
+            ("the viewer", of_viewer(&scene, model)),
+        ];
+        for (front, found) in others {
+            let differ = apart(&wanted, &found, vertices);
+            assert_eq!(differ, None, "{front}, {name} {model:?}");
+        }
     }
 }
