@@ -239,15 +239,13 @@ Examples:
   selvedge info data/first
   selvedge info my-scene.toml
   selvedge info out/rollout.safetensors --picture strain.png
-  selvedge info runs/first --picture loss.svg
-  selvedge info data/first --picture pictures/")]
+
+Lengths are in metres, all numbers in SI units; --json has the configurations too.")]
 pub(crate) struct InfoArgs {
     /// A file, a folder, or the name of a shipped scene or preset.
     pub(crate) path: PathBuf,
-    /// Also draw it (.png; curves .svg): a run with its strain, a mesh or a scene as it stands, a
-    /// training as the curves of its loss. A name without an ending is a folder, which gets a contact
-    /// sheet of every trajectory of a data set.
-    #[arg(long, value_name = "FILE|FOLDER")]
+    /// Also draw a run with its strain, or a mesh or a scene as it stands (.png).
+    #[arg(long, value_name = "FILE")]
     pub(crate) picture: Option<PathBuf>,
 }
 

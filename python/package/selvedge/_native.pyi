@@ -595,7 +595,7 @@ class Evaluation:
     def write_errors(self, path: _Path) -> None:
         """Writes all errors (.csv)."""
     def write_report(self, folder: _Path) -> list[os.PathLike[str]]:
-        """Writes tables and plots into a folder, as `selvedge eval -o` does."""
+        """Writes tables into a folder, as `selvedge eval -o` does."""
 
 def simulate(
     scene: Scene,

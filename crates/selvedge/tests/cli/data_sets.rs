@@ -47,26 +47,20 @@ fn a_folder_of_something_else_is_left_alone() {
 }
 
 #[test]
-fn inspection_tells_of_a_data_set_and_draws_every_trajectory() {
+fn inspection_tells_of_a_data_set() {
     let dir = TestFolder::new();
     dir.tiny();
-    let report = dir.json("info tiny --picture seen");
+    let report = dir.json("info tiny");
     let dataset = Dataset::open(&dir.path("tiny")).unwrap();
     let samples = dataset.samples().count() as f64;
     assert_eq!(number(&report, "/statistics/samples"), samples);
-    let names = ["test-lift.png", "train-push.png", "train-turn.png"];
-    assert_eq!(rows(&report, "pictures").len(), names.len());
-    assert_eq!(names_in(&dir.path("seen")), names);
-    for name in names {
-        assert_eq!(dir.read(&format!("seen/{name}"))[1..4], *b"PNG");
-    }
-    dir.refuses("2 | info tiny --picture tiny.png | data set | folder");
+    dir.refuses("1 | info tiny --picture tiny.png | nothing to draw");
     // What a preset will make is told without making it.
     let plan = dir.json("info paper");
     assert_eq!(number(&plan, "/samples"), 6550.0);
     assert_eq!(number(&plan, "/frames"), 31.0 * 1261.0);
     assert_eq!(rows(&plan["forecast"], "sections").len(), 42);
-    assert_eq!(dir.names(), ["seen", "tiny"]);
+    assert_eq!(dir.names(), ["tiny"]);
 }
 
 /// A folder `caches` with a run of the scene `push.toml` and a part of it.
