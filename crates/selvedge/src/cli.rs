@@ -6,7 +6,6 @@ mod documents_tests;
 mod drape;
 mod eval;
 mod export;
-mod import;
 mod run;
 mod view;
 
@@ -23,7 +22,6 @@ pub(crate) use self::device::DeviceArgs;
 pub(crate) use self::drape::{DrapeCommand, DrapeFitArgs, DrapeTestArgs, DrapedArgs};
 pub(crate) use self::eval::EvalArgs;
 pub(crate) use self::export::{ExportArgs, FormatName};
-pub(crate) use self::import::ImportArgs;
 pub(crate) use self::run::{RunArgs, StartChoice};
 pub(crate) use self::view::{Shown, ViewArgs};
 use crate::output::Reader;
@@ -114,7 +112,6 @@ pub(crate) struct CompletionsArgs {
 #[derive(Debug, Subcommand)]
 pub(crate) enum DataCommand {
     Generate(GenerateArgs),
-    Import(ImportArgs),
     Merge(MergeArgs),
 }
 

@@ -362,12 +362,13 @@ class RigidStepper(Stepper):
 class Trajectory:
     """A cloth and its positions over time: what simulations, rollouts and data sets are made of.
 
-    `Trajectory(positions, faces, material, handles, frame_rate, ...)` makes one of arrays."""
+    `Trajectory(positions, faces, material, handles, frame_rate, ...)` makes one of arrays; without
+    material (None) each face rests in the shape that it has in `rest`."""
     def __new__(
         cls,
         positions: ArrayLike,
         faces: ArrayLike,
-        material: ArrayLike,
+        material: ArrayLike | None,
         handles: Sequence[int],
         frame_rate: float,
         *,

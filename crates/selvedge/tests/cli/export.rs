@@ -143,12 +143,6 @@ fn endings_may_be_capitals() {
             "{motion}"
         );
     }
-    std::fs::create_dir(dir.path("caches")).unwrap();
-    for name in ["G.PC2", "G.obj"] {
-        std::fs::rename(dir.path(name), dir.path("caches").join(name)).unwrap();
-    }
-    std::fs::rename(dir.path("caches/G.obj"), dir.path("caches/G.OBJ")).unwrap();
-    dir.json("data import caches -o imported --frame-rate 60 --density 0.2 --handles 0,1");
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! A trajectory from the parts that foreign data have.
+//! A trajectory from the parts that data of other projects have.
 
 use glam::{DVec2, DVec3, Vec3};
 use selvedge_cloth::geometry::signed_area_2d;
@@ -167,4 +167,37 @@ fn check_area(area: &[f32], expected: f64) -> Result<(), String> {
     Err(format!(
         "the faces have {found} m² in all, but {expected} m² in material space: texture coordinates must be in metres"
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_garment_without_a_pattern_rests_as_it_stands() {
+        let (rings, around) = (3, 6);
+        let places = (0..rings * around).map(|k: usize| {
+            let angle = std::f64::consts::TAU * (k % around) as f64 / around as f64;
+            DVec3::new(angle.cos(), (k / around) as f64, angle.sin())
+        });
+        let rest: Vec<DVec3> = places.collect();
+        let faces = (0..(rings - 1) * around).flat_map(|a| {
+            let b = a / around * around + (a + 1) % around;
+            [[a, a + around, b + around], [a, b + around, b]].map(|f| f.map(|v| v as u32))
+        });
+        let parts = TrajectoryParts {
+            faces: faces.collect(),
+            material: None,
+            positions: rest.clone(),
+            rest,
+            handles: vec![0],
+            weight: Weight::Density(0.2),
+            frame_rate: 30.0,
+            made_by: "a test".to_owned(),
+        };
+        let made = parts.trajectory().unwrap();
+        // Each side is as wide as the radius.
+        let area: f32 = made.cloth().face_area().iter().sum();
+        assert!((area - 12.0).abs() < 1e-5, "{area} m²");
+    }
 }
