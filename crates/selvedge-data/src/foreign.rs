@@ -130,18 +130,6 @@ fn check_near(place: &str, positions: &[DVec3]) -> Result<(), String> {
     }
 }
 
-/// The material coordinates hanging flat as a generated sheet does.
-pub(super) fn hanging(material: &[DVec2]) -> Vec<DVec3> {
-    let low = material.iter().copied().fold(DVec2::INFINITY, DVec2::min);
-    let high = material
-        .iter()
-        .copied()
-        .fold(DVec2::NEG_INFINITY, DVec2::max);
-    let middle = (low.x + high.x) / 2.0;
-    let hang = |c: &DVec2| DVec3::new(0.0, c.y - high.y, c.x - middle);
-    material.iter().map(hang).collect()
-}
-
 /// `faces` turned round where all of them are clockwise in material space.
 fn counter_clockwise(faces: Vec<[u32; 3]>, material: &[DVec2]) -> Result<Vec<[u32; 3]>, String> {
     let corner = |v: u32| material[v as usize];

@@ -33,7 +33,7 @@ else:
     for (is_whole, method), line in sorted(squares.items()):
         frames = sorted(line)
         errors = [1e3 * (sum(line[k]) / len(line[k])) ** 0.5 for k in frames]
-        both[is_whole].plot(frames, errors, marker="" if is_whole else "o", label=method)
+        both[int(is_whole)].plot(frames, errors, marker="" if is_whole else "o", label=method)
     both[0].set(xlabel="frames k from true states", xscale="log")
     for axes in both:
         axes.set(ylabel="position RMSE (mm)", yscale="log")

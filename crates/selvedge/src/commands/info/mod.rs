@@ -42,7 +42,7 @@ pub(crate) fn run(args: &InfoArgs) -> anyhow::Result<Answer> {
     let Some(known) = report.as_object_mut() else {
         bail!("a report is an object");
     };
-    known.insert("file".to_owned(), json!(args.path));
+    known.insert("file".to_owned(), args.path.to_string_lossy().into());
     let answer = Answer::new(listing::listed(known), report);
     let Some(to) = &args.picture else {
         return Ok(answer);
