@@ -2,10 +2,9 @@
 //! interruption.
 
 use crate::common::{
-    PUSH, PUSH_FRAMES, TRAINING, TestFolder, contents, names_in, number, rows, tiny_preset,
+    PUSH_FRAMES, TRAINING, TestFolder, contents, names_in, number, rows, tiny_preset,
 };
 use selvedge_data::{Dataset, Split};
-use serde_json::Value;
 
 /// The text of the preset `tiny`, with other settings of its sag.
 fn tiny_with(sag: &str) -> String {

@@ -1,5 +1,6 @@
 //! A report for people: the keys of an object under each other, objects in lists as tables.
 
+use std::collections::BTreeSet;
 use std::fmt::Write;
 
 use serde_json::{Map, Value};
@@ -44,11 +45,13 @@ fn list(object: &Map<String, Value>, pad: &str, text: &mut String) {
     }
 }
 
-/// Objects as rows, with the keys of the first.
+/// Objects as rows, the name first.
 fn table(rows: &[Value]) -> Table {
     let objects = || rows.iter().filter_map(Value::as_object);
-    let first = objects().next().into_iter().flatten();
-    let keys: Vec<&String> = first.filter(is_shown).map(|(key, _)| key).collect();
+    let shown = objects().flatten().filter(is_shown);
+    let keys: BTreeSet<&String> = shown.map(|(key, _)| key).collect();
+    let mut keys: Vec<&String> = keys.into_iter().collect();
+    keys.sort_by_key(|key| *key != "name");
     let mut table = Table::new(keys.iter().map(|key| key.as_str()));
     for row in objects().take(ROWS) {
         table.row(
@@ -69,7 +72,11 @@ fn brief(value: &Value) -> String {
         Value::Bool(holds) => if *holds { "yes" } else { "no" }.to_owned(),
         Value::Number(number) if number.is_f64() => {
             let rounded = format!("{:.4e}", number.as_f64().unwrap_or(f64::NAN));
-            rounded.parse::<f64>().map_or(rounded, |n| n.to_string())
+            match rounded.parse::<f64>() {
+                Ok(n) if n == 0.0 || (1e-4..1e9).contains(&n.abs()) => n.to_string(),
+                Ok(n) => format!("{n:e}"),
+                Err(_) => rounded,
+            }
         }
         Value::Array(items) => folded(items.iter().map(brief)),
         Value::Null => "none".to_owned(),
@@ -90,13 +97,14 @@ mod tests {
             "file": "a.obj",
             "faces": 2,
             "mean_edge": 0.123_456_789,
+            "tiny": 1.25e-17,
             "nothing": [],
             "pattern": { "seam_edges": 3, "is_flat": true },
             "nodes": [{ "moves": null, "name": "a" }, { "moves": [0, 1.5], "name": "b" }],
         });
-        let rows = "nodes\nname\n----\na\nb\n";
+        let rows = "nodes\nname   moves\n------------\na       none\nb     0, 1.5\n";
         let expected = format!(
-            "mesh  a.obj\nfaces      2\nmean edge  0.12346\n{rows}\npattern\n  is flat     yes\n  seam edges  3\n"
+            "mesh  a.obj\nfaces      2\nmean edge  0.12346\n{rows}\npattern\n  is flat     yes\n  seam edges  3\ntiny       1.25e-17\n"
         );
         assert_eq!(listed(report.as_object().unwrap()), expected);
     }
