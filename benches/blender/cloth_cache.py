@@ -2,8 +2,8 @@
 
 A square sheet of 1 m and 400 vertices hangs from its two upper corners, vertices 380 and 399. It
 settles for three seconds. Then an empty, to which the corners are hooked, moves it for four
-seconds, and stands still for one. Each motion becomes a USD file of 301 frames at 60 per
-second. All begin with the same frame. Texture coordinates are the flat sheet's, in metres.
+seconds, and stands still for one. Each motion becomes an .npz of 301 frames at 60 per second, z up, and
+an .obj. All begin with the same frame. Texture coordinates are the flat sheet's, in metres.
 
     pip install bpy==5.0.1          # Python 3.11
     python benches/blender/cloth_cache.py out/blender-cloth [MOTION ...]
@@ -16,6 +16,7 @@ import sys
 import time
 
 import bpy
+import numpy as np
 from mathutils import Vector
 
 RATE = 60
@@ -109,15 +110,18 @@ def make(name, folder):
     hook.object, hook.vertex_group = hand, "held"
     cotton(cloth, last)
     animate(hand, MOTIONS[name])
+    frames = []
     for frame in range(1, last + 1):  # in order, for the cloth's cache
         scene.frame_set(frame)
-    scene.frame_start = 1 + SETTLING
-    bpy.ops.wm.usd_export(
-        filepath=os.path.join(folder, name + ".usdc"),
-        export_animation=True,
-        export_normals=False,
-        export_materials=False,
-    )
+        if frame > SETTLING:
+            seen = cloth.evaluated_get(bpy.context.evaluated_depsgraph_get())
+            frames.append([tuple(cloth.matrix_world @ v.co) for v in seen.data.vertices])
+    np.savez(os.path.join(folder, name + ".npz"), positions=np.array(frames), fps=np.array([float(RATE)]))
+    uv = {loop.vertex_index: tuple(cloth.data.uv_layers[0].data[loop.index].uv) for loop in cloth.data.loops}
+    lines = ["v %r %r %r" % tuple(p) for p in frames[0]] + ["vt %r %r" % uv[k] for k in range(len(uv))]
+    lines += ["f " + " ".join(f"{v + 1}/{v + 1}" for v in face.vertices) for face in cloth.data.polygons]
+    with open(os.path.join(folder, name + ".obj"), "w") as mesh:
+        mesh.write("\n".join(lines) + "\n")
     print(f"{name}: {time.time() - began:.1f} s", flush=True)
 
 

@@ -66,7 +66,7 @@ impl Evaluation {
         report::write_errors(&path, &self.outcome.runs).map_err(raised)
     }
 
-    /// Writes tables and plots into a folder, as `selvedge eval -o` does.
+    /// Writes tables into a folder, as `selvedge eval -o` does.
     fn write_report(&self, py: Python<'_>, folder: PathBuf) -> PyResult<Vec<PathBuf>> {
         py.detach(|| {
             let _claimed = folder::claim_folder(&folder, FolderKind::Evaluation).map_err(raised)?;

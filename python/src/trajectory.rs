@@ -23,7 +23,8 @@ use crate::picture::Picture;
 
 /// A cloth and its positions over time: what simulations, rollouts and data sets are made of.
 ///
-/// `Trajectory(positions, faces, material, handles, frame_rate, ...)` makes one of arrays.
+/// `Trajectory(positions, faces, material, handles, frame_rate, ...)` makes one of arrays; without
+/// material (None) each face rests in the shape that it has in `rest`.
 #[pyclass(frozen, module = "selvedge")]
 pub(crate) struct Trajectory {
     pub(crate) inner: Arc<Recorded>,
@@ -80,7 +81,7 @@ impl Trajectory {
         py: Python<'_>,
         positions: Numbers<'_>,
         faces: Vec<[u32; 3]>,
-        material: Numbers<'_>,
+        material: Option<Numbers<'_>>,
         handles: Vec<u32>,
         frame_rate: f64,
         density: Option<f64>,
@@ -88,20 +89,22 @@ impl Trajectory {
         areas: Option<Vec<f32>>,
         rest: Option<Numbers<'_>>,
     ) -> PyResult<Self> {
-        let material = arrays::pairs(&material, "material")?;
-        match positions.shape() {
-            [(1..), found, 3] if *found == material.len() => {}
-            found => {
-                let count = material.len();
+        let material = material.map(|flat| arrays::pairs(&flat, "material"));
+        let material = material.transpose()?;
+        let count = match (positions.shape(), &material) {
+            ([(1..), found, 3], None) => *found,
+            ([(1..), found, 3], Some(flat)) if *found == flat.len() => *found,
+            (found, flat) => {
+                let count = flat.as_ref().map_or(0, Vec::len);
                 return Err(wrong(format!(
                     "positions must have the shape (frames, {count}, 3), found {found:?}"
                 )));
             }
-        }
+        };
         let positions = arrays::triples(&positions);
         let rest = match &rest {
             Some(rest) => arrays::positions(rest, "rest")?,
-            None => positions[..material.len()].to_vec(),
+            None => positions[..count].to_vec(),
         };
         let weight = match (density, masses, areas) {
             (Some(density), None, None) => Weight::Density(density),
@@ -110,7 +113,7 @@ impl Trajectory {
         };
         let parts = TrajectoryParts {
             faces,
-            material: Some(material),
+            material,
             rest,
             positions,
             handles,

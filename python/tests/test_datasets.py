@@ -2,6 +2,7 @@
 
 import pathlib
 import shutil
+import struct
 
 import numpy as np
 import pytest
@@ -235,3 +236,51 @@ def test_edges_beyond_the_bound_are_refused(tmp_path):
     with pytest.raises(selvedge.SelvedgeError, match="bound of 0.01.*max_strain"):
         flag(FIXTURES / "flag_simple", tmp_path / "set", max_strain=0.01)
     assert len(flag(FIXTURES / "flag_simple", tmp_path / "fine", max_strain=0.04).train) == 2
+
+
+def caches(folder, of=lambda p: p):
+    """Two caches of a strip of six vertices that swings: .npz at 60 frames a second, .pc2 at 30."""
+    folder.mkdir()
+    flat = np.array([(i / 2, j / 2) for j in range(3) for i in range(2)])
+    frames = np.array([[(t / 60 * v, v, u) for u, v in flat] for t in range(5)])
+    faces = [(1, 2, 4, 3), (3, 4, 6, 5)]
+    lines = [f"v {x} {y} {z}" for x, y, z in frames[0]] + [f"vt {u} {v}" for u, v in flat]
+    lines += ["f " + " ".join(f"{c}/{c}" for c in face) for face in faces]
+    for name in ["one", "two"]:
+        (folder / f"{name}.obj").write_text("\n".join(lines))
+    np.savez(folder / "one.npz", positions=of(frames), fps=np.array([60.0]))
+    header = struct.pack("<12siiffi", b"POINTCACHE2\0", 1, 6, 0.0, 2.0, 3)
+    (folder / "two.pc2").write_bytes(header + of(frames)[::2].astype("<f4").tobytes())
+    return frames
+
+
+def test_caches_become_a_data_set(tmp_path):
+    frames = caches(tmp_path / "shots")
+    options = {"density": 0.2, "frame_rate": 60.0, "handles": [4, 5]}
+    data = datasets.import_caches(tmp_path / "shots", tmp_path / "set", test=["two"], **options)
+    for run in [data.train["one"], data.test["two"]]:
+        # A .pc2 with a sample for every second frame is taken at all of them.
+        np.testing.assert_allclose(run.positions, frames, atol=1e-6)
+        assert run.handles.tolist() == [4, 5] and abs(run.masses.sum() - 0.1) < 1e-6
+    shape = datasets.import_caches(tmp_path / "shots", tmp_path / "shape", material="shape", **options)
+    assert abs(shape.train["one"].masses.sum() - 0.1) < 1e-6
+    for bad, words in [
+        ({"rest": "worn"}, "rest must be"),
+        ({"max_strain": 1e-6}, "beyond the bound"),
+        ({"test": ["three"]}, "three"),
+        ({"material": np.zeros((3, 2))}, "3 vertices"),
+    ]:
+        with pytest.raises((ValueError, selvedge.SelvedgeError), match=words):
+            datasets.import_caches(tmp_path / "shots", tmp_path / "bad", **options | bad)
+    (tmp_path / "shots/two.pc2").write_bytes(b"POINTCACHE2\0")
+    with pytest.raises(selvedge.SelvedgeError, match="two.pc2: is no cache"):
+        datasets.import_caches(tmp_path / "shots", tmp_path / "cut", **options)
+    (tmp_path / "shots/three.usdc").write_bytes(b"")
+    with pytest.raises(selvedge.SelvedgeError, match="three.usdc: is no cache"):
+        datasets.import_caches(tmp_path / "shots", tmp_path / "other", **options)
+
+
+def test_caches_can_have_z_up(tmp_path):
+    frames = caches(tmp_path / "shots", lambda p: np.stack([p[..., 0], -p[..., 2], p[..., 1]], axis=-1))
+    data = datasets.import_caches(tmp_path / "shots", tmp_path / "set", density=0.2, frame_rate=60.0, handles=[4, 5], up="z")
+    np.testing.assert_allclose(data.train["one"].positions, frames, atol=1e-6)

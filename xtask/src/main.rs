@@ -2,7 +2,7 @@
 //!
 //! What holds of the repository is in `tests/repository`: `cargo xtask tidy` and `cargo xtask book`
 //! run those tests. The steps of `ci` are listed in one place, `.ci/run`. `nightly` runs what takes
-//! longer: the commands of the book (see [`quick`]) and `fuzz` (the crate `selvedge-trials`).
+//! longer: the commands of the book (see [`quick`]) and `fuzz` (`.ci/fuzz`).
 #![allow(
     clippy::print_stdout,
     reason = "a program that talks to people in a terminal"
@@ -28,7 +28,7 @@ usage: cargo xtask COMMAND
             --run     run the quick commands
   header  check that the header of the library for C is what its sources make, by cbindgen
             --write          write it
-  fuzz    damaged files for every reader, by libFuzzer (--for 10m; see
+  fuzz    damaged files for every reader, by libFuzzer ([SECONDS [TARGET...]]; see
           docs/src/contributing/trials.md)
   help    print this text";
 
@@ -38,7 +38,7 @@ fn main() -> ExitCode {
     let outcome = match words.as_slice() {
         ["ci", lists @ ..] => start("bash", &[&[".ci/run"][..], lists].concat()),
         ["tidy"] => test("tidy_"),
-        ["fuzz", options @ ..] => fuzz(options),
+        ["fuzz", options @ ..] => start("bash", &[&[".ci/fuzz"][..], options].concat()),
         ["nightly"] => long(),
         ["header"] => header("--verify"),
         ["header", "--write"] => header("--quiet"),
@@ -145,21 +145,13 @@ fn header(how: &str) -> Result<()> {
     made.context("if the header differs from its sources: cargo xtask header --write")
 }
 
-/// Builds the program and the fuzzer's, and starts it.
-fn fuzz(options: &[&str]) -> Result<()> {
-    let packages = ["-p", "selvedge", "-p", "selvedge-trials"];
-    cargo(&[&["build", "--locked", "--quiet"], &packages[..]].concat())?;
-    let run = ["run", "--locked", "--quiet", "-p", "selvedge-trials", "--"];
-    cargo(&[&run[..], options].concat()).context("something was found")
-}
-
 /// Runs what takes longer than a change should wait; all of it, and then says what failed.
 fn long() -> Result<()> {
     let mut failed = Vec::new();
     if let Err(error) = quick::run() {
         failed.push(format!("book --run: {error:#}"));
     }
-    if let Err(error) = fuzz(&["--for", "60s"]) {
+    if let Err(error) = start("bash", &[".ci/fuzz"]) {
         failed.push(format!("fuzz: {error:#}"));
     }
     if !failed.is_empty() {

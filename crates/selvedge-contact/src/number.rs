@@ -167,9 +167,12 @@ pub struct Lanes<S: Simd> {
     values: S::f64s,
 }
 
+/// Three numbers as a vector.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Triple<N>(pub [N; 3]);
+
 /// Three numbers side by side.
-#[derive(Clone, Copy)]
-pub struct LanesVector<S: Simd>([Lanes<S>; 3]);
+pub type LanesVector<S> = Triple<Lanes<S>>;
 
 impl<S: Simd> Lanes<S> {
     /// Parts of a row that are loaded one after the other.
@@ -207,7 +210,7 @@ impl<S: Simd> Lanes<S> {
         rows: &[[Row; 3]; K],
         part: usize,
     ) -> [LanesVector<S>; K] {
-        let mut vectors = [LanesVector(Self::load_all(simd, &rows[0], part)); K];
+        let mut vectors = [Triple(Self::load_all(simd, &rows[0], part)); K];
         for (vector, rows) in vectors.iter_mut().zip(rows) {
             vector.0 = Self::load_all(simd, rows, part);
         }
@@ -323,7 +326,7 @@ impl<S: Simd> Number for Lanes<S> {
     }
 }
 
-/// An operator of numbers side by side, and of vectors by component.
+/// An operator of numbers side by side.
 macro_rules! lanes {
     ($operator: ident, $method: ident, $call: ident) => {
         impl<S: Simd> $operator for Lanes<S> {
@@ -344,10 +347,26 @@ macro_rules! lanes {
             }
         }
     };
-    ($operator: ident, $method: ident, $call: ident, $other: ty, $by: ident => $components: expr) => {
-        lanes!($operator, $method, $call);
+}
 
-        impl<S: Simd> $operator<$other> for LanesVector<S> {
+lanes!(Add, add, add_f64s);
+lanes!(Sub, sub, sub_f64s);
+lanes!(Mul, mul, mul_f64s);
+lanes!(Div, div, div_f64s);
+
+impl<S: Simd> Neg for Lanes<S> {
+    type Output = Self;
+
+    #[inline(always)]
+    fn neg(self) -> Self {
+        self.with(self.simd.neg_f64s(self.values))
+    }
+}
+
+/// An operator of vectors by component.
+macro_rules! triples {
+    ($operator: ident, $method: ident, $other: ty, $by: ident => $components: expr) => {
+        impl<N: Number> $operator<$other> for Triple<N> {
             type Output = Self;
 
             #[inline(always)]
@@ -359,33 +378,34 @@ macro_rules! lanes {
     };
 }
 
-lanes!(Add, add, add_f64s, LanesVector<S>, other => other.0);
-lanes!(Sub, sub, sub_f64s, LanesVector<S>, other => other.0);
-lanes!(Mul, mul, mul_f64s, Lanes<S>, by => [by; 3]);
-lanes!(Div, div, div_f64s, Lanes<S>, by => [by; 3]);
+triples!(Add, add, Self, other => other.0);
+triples!(Sub, sub, Self, other => other.0);
+triples!(Mul, mul, N, by => [by; 3]);
+triples!(Div, div, N, by => [by; 3]);
 
-impl<S: Simd> Neg for Lanes<S> {
+impl<N: Number> Neg for Triple<N> {
     type Output = Self;
 
     #[inline(always)]
     fn neg(self) -> Self {
-        self.with(self.simd.neg_f64s(self.values))
+        let [x, y, z] = self.0;
+        Self([-x, -y, -z])
     }
 }
 
-impl<S: Simd> Vector<Lanes<S>> for LanesVector<S> {
+impl<N: Number> Vector<N> for Triple<N> {
     #[inline(always)]
-    fn of(components: [Lanes<S>; 3]) -> Self {
+    fn of(components: [N; 3]) -> Self {
         Self(components)
     }
 
     #[inline(always)]
-    fn components(self) -> [Lanes<S>; 3] {
+    fn components(self) -> [N; 3] {
         self.0
     }
 
     #[inline(always)]
-    fn dot(self, other: Self) -> Lanes<S> {
+    fn dot(self, other: Self) -> N {
         let ([x, y, z], [a, b, c]) = (self.0, other.0);
         x * a + y * b + z * c
     }
@@ -394,16 +414,6 @@ impl<S: Simd> Vector<Lanes<S>> for LanesVector<S> {
     fn cross(self, other: Self) -> Self {
         let ([x, y, z], [a, b, c]) = (self.0, other.0);
         Self([y * c - b * z, z * a - c * x, x * b - a * y])
-    }
-}
-
-impl<S: Simd> Neg for LanesVector<S> {
-    type Output = Self;
-
-    #[inline(always)]
-    fn neg(self) -> Self {
-        let [x, y, z] = self.0;
-        Self([-x, -y, -z])
     }
 }
 

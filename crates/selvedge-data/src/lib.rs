@@ -11,7 +11,7 @@
 //!   describes it, a [`DatasetWriter`] makes it, and training reads **samples** ([`Sample`]: three
 //!   frames in a row) from its **sections** ([`Section`]).
 //! - [`metrics`] compares two runs, [`export`] writes trajectories for other programs, [`foreign`]
-//!   reads data of other projects, and a [`Rig`] gives handles the motion of nodes in a .glb or
+//!   makes them of arrays, and a [`Rig`] gives handles the motion of nodes in a .glb or
 //!   .usda file.
 //!
 //! # Example

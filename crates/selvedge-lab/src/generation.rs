@@ -233,7 +233,7 @@ pub fn open(folder: &Path) -> Result<Dataset> {
         return dataset.with_context(|| {
             format!(
                 "{}: this data set is not complete: run again the command that began it, \
-                 `selvedge data generate` or `selvedge data import`; parts are joined by \
+                 `selvedge data generate` or a call in Python; parts are joined by \
                  `selvedge data merge`",
                 folder.display()
             )

@@ -4,7 +4,7 @@
 //! on a **machine** ([`machine`]), the processor or a GPU. [`physics`] times them; [`watched`] sums up
 //! the word of a guard. An **evaluation** ([`evaluation`]) runs **methods** (models, physics,
 //! baselines) on **cases**: recorded trajectories, scenes against their own converged physics, random
-//! motions. A **report** ([`report`]) makes a page, plots and one table of it. [`generation`] makes
+//! motions. A **report** ([`report`]) makes a page and one table of it. [`generation`] makes
 //! data sets.
 //!
 //! Long operations call a listener ([`OnEvent`]) for every [`Event`] and stop when it breaks. Errors

@@ -125,15 +125,15 @@ impl Bench {
     pub fn examples(&self, target: &Target) -> Result<Vec<Vec<u8>>> {
         let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus");
         let mut paths = Vec::new();
-        for seed in target.seeds {
+        for seed in target.2 {
             let path = match seed.strip_prefix('/') {
                 Some(kept) => repository().join(kept),
                 None => self.folder.join(seed),
             };
             if path.is_dir() { paths.extend(files_in(&path, ".toml")?) } else { paths.push(path) }
         }
-        if corpus.join(target.name).is_dir() {
-            paths.extend(files_in(&corpus.join(target.name), "")?);
+        if corpus.join(target.0).is_dir() {
+            paths.extend(files_in(&corpus.join(target.0), "")?);
         }
         let read = |path: &PathBuf| fs::read(path).with_context(|| path.display().to_string());
         paths.iter().map(read).collect()
@@ -147,11 +147,11 @@ impl Bench {
     /// # Panics
     /// Where the reader does, accepts what does not hold, or says pages.
     pub fn read(&self, target: &Target, input: &[u8]) -> Result<(), String> {
-        let path = self.folder.join(target.file.unwrap_or("input"));
-        if target.file.is_some() {
+        let path = self.folder.join(target.1.unwrap_or("input"));
+        if target.1.is_some() {
             fs::write(&path, input).map_err(|error| error.to_string())?;
         }
-        (target.read)(self, &path, input).inspect_err(|text| {
+        (target.3)(self, &path, input).inspect_err(|text| {
             let most = LONGEST_TEXT + 3 * input.escape_ascii().count();
             assert!(text.len() <= most, "an error of {} bytes", text.len());
         })

@@ -11,7 +11,7 @@ use selvedge_data::{
     Trajectory, open_scene, parse_obj_with, parse_recorded_csv, read_mesh,
 };
 use selvedge_lab::evaluation::PhysicsMethod;
-use selvedge_lab::report::TrainingLog;
+use selvedge_lab::report::training_log;
 use selvedge_lab::span;
 use selvedge_live::protocol::{self, ClientMessage};
 use selvedge_model::Model;
@@ -25,43 +25,16 @@ type Verdict = Result<(), String>;
 /// A reader, told what to read by the path of a file and its bytes.
 type Reader = fn(&Bench, &Path, &[u8]) -> Verdict;
 
-/// A reader with its examples.
+/// A reader: the name of the target, and of its folder in the corpus; the name of the file in the
+/// bench's folder, where the reader opens it itself; examples that the bench has or, where a name
+/// begins with `/`, the repository, of a folder all files of TOML; and the reader.
 #[derive(Debug)]
-pub struct Target {
-    /// Name of the target, and of its folder in the corpus.
-    pub name: &'static str,
-    /// Name of the file in the bench's folder, where the reader opens it itself.
-    pub(crate) file: Option<&'static str>,
-    /// Examples that the bench has or, where a name begins with `/`, the repository; of a folder
-    /// all files of TOML.
-    pub(crate) seeds: &'static [&'static str],
-    pub(crate) read: Reader,
-}
-
-/// A target whose reader takes bytes or text.
-const fn of_bytes(name: &'static str, seeds: &'static [&'static str], read: Reader) -> Target {
-    Target {
-        name,
-        file: None,
-        seeds,
-        read,
-    }
-}
-
-/// A target whose reader opens `file`.
-const fn of_file(
-    name: &'static str,
-    file: &'static str,
-    seeds: &'static [&'static str],
-    read: Reader,
-) -> Target {
-    Target {
-        name,
-        file: Some(file),
-        seeds,
-        read,
-    }
-}
+pub struct Target(
+    pub &'static str,
+    pub(crate) Option<&'static str>,
+    pub(crate) &'static [&'static str],
+    pub(crate) Reader,
+);
 
 const BLENDER: &str = "/crates/selvedge-data/tests/fixtures/caches/blender.usdc";
 
@@ -72,35 +45,35 @@ const REST_POSE: &str =
 
 /// All readers.
 pub static TARGETS: [Target; 24] = [
-    of_bytes("trajectory", &["run.safetensors"], |_, _, bytes| {
+    Target("trajectory", None, &["run.safetensors"], |_, _, bytes| {
         let read = Trajectory::from_bytes(bytes).map_err(said)?;
         let fine = read.positions().iter().all(|p| p.is_finite());
         must(fine, "a position is not finite");
         Ok(())
     }),
-    of_bytes("states", &["states.safetensors"], |_, _, bytes| {
+    Target("states", None, &["states.safetensors"], |_, _, bytes| {
         done(StateRun::from_bytes(bytes))
     }),
-    of_bytes("model", &["run/model.safetensors"], |_, _, bytes| {
+    Target("model", None, &["run/model.safetensors"], |_, _, bytes| {
         let model = Model::from_bytes(bytes).map_err(said)?;
         let fine = model.weights().iter().all(|w| w.is_finite());
         must(fine, "a weight is not finite");
         Ok(())
     }),
-    of_file(
+    Target(
         "checkpoint",
-        "checkpoint.safetensors",
+        Some("checkpoint.safetensors"),
         &["run/checkpoint.safetensors"],
         |bench, path, _| {
             let (cfg, engine) = (bench.training.clone(), OnProcessor::default());
             done(Trainer::resume(cfg, &bench.dataset, path, &engine))
         },
     ),
-    of_file("rest-pose", REST_POSE, &[], |bench, _, _| {
+    Target("rest-pose", Some(REST_POSE), &[], |bench, _, _| {
         let folder = RestPoseFolder::new(bench.folder.join("poses"));
         done(folder.find(POSE, 16))
     }),
-    of_file("state-npz", "state.npz", &[], |bench, _, _| {
+    Target("state-npz", Some("state.npz"), &[], |bench, _, _| {
         let choice = StateChoice {
             file: "state.npz".to_owned(),
             frame: Some(1),
@@ -108,16 +81,17 @@ pub static TARGETS: [Target; 24] = [
         };
         done(choice.read(&bench.folder, 16))
     }),
-    of_bytes(
+    Target(
         "obj",
+        None,
         &["run.obj", "/crates/selvedge/tests/arcsim/square.obj"],
         |_, _, bytes| done(parse_obj_with(text(bytes)?, MeshOptions::default())),
     ),
-    of_file("glb", "mesh.glb", &["run.glb"], shape),
-    of_file("usda", "mesh.usda", &["run.usda"], shape),
-    of_file(
+    Target("glb", Some("mesh.glb"), &["run.glb"], shape),
+    Target("usda", Some("mesh.usda"), &["run.usda"], shape),
+    Target(
         "usdc",
-        "cache.usdc",
+        Some("cache.usdc"),
         &["run.usdc", BLENDER],
         |b, path, _| {
             let read = shape(b, path, &[]);
@@ -125,13 +99,15 @@ pub static TARGETS: [Target; 24] = [
             read
         },
     ),
-    of_file("usdz", "rig.usdz", &["run.usdz"], |_, path, _| rig(path)),
-    of_file("pc2", "cache.pc2", &["run.pc2"], |bench, _, _| {
+    Target("usdz", Some("rig.usdz"), &["run.usdz"], |_, path, _| {
+        rig(path)
+    }),
+    Target("pc2", Some("cache.pc2"), &["run.pc2"], |bench, _, _| {
         beside(bench, "by-pc2.toml")
     }),
-    of_file(
+    Target(
         "scene",
-        "scene.toml",
+        Some("scene.toml"),
         &[
             "push.toml",
             "/docs/src/scenes",
@@ -139,37 +115,37 @@ pub static TARGETS: [Target; 24] = [
         ],
         scene,
     ),
-    of_file(
+    Target(
         "arcsim",
-        "arcsim.json",
+        Some("arcsim.json"),
         &["/crates/selvedge/tests/arcsim/scene.json"],
         scene,
     ),
-    of_bytes("scene-json", &[], |_, _, bytes| {
+    Target("scene-json", None, &[], |_, _, bytes| {
         let json = serde_json::from_slice(bytes).map_err(said)?;
         done(SceneSpec::from_json(&json))
     }),
-    of_file(
+    Target(
         "material",
-        "own-material.toml",
+        Some("own-material.toml"),
         &["/assets/materials"],
         |bench, _, _| beside(bench, "by-material.toml"),
     ),
-    of_file(
+    Target(
         "motion",
-        "motion.toml",
+        Some("motion.toml"),
         &["/assets/motions"],
         |bench, _, bytes| {
             small(bytes)?;
             beside(bench, "by-toml.toml")
         },
     ),
-    of_bytes("motion-csv", &[], |_, _, bytes| {
+    Target("motion-csv", None, &[], |_, _, bytes| {
         done(parse_recorded_csv(text(bytes)?))
     }),
-    of_file(
+    Target(
         "preset",
-        "preset.toml",
+        Some("preset.toml"),
         &["/assets/datasets/tiny.toml"],
         |_, path, bytes| {
             small(bytes)?;
@@ -177,9 +153,9 @@ pub static TARGETS: [Target; 24] = [
             done(preset.plan())
         },
     ),
-    of_file(
+    Target(
         "index",
-        "indexed/index.json",
+        Some("indexed/index.json"),
         &["tiny/index.json"],
         |bench, _, _| {
             let dataset = Dataset::open(&bench.folder.join("indexed")).map_err(said)?;
@@ -188,15 +164,19 @@ pub static TARGETS: [Target; 24] = [
             entries.try_for_each(|entry| done(dataset.read(entry)))
         },
     ),
-    of_bytes(
+    Target(
         "training",
+        None,
         &["moment.toml", "/assets/training"],
         |_, path, bytes| done(TrainConfig::parse(text(bytes)?, path)),
     ),
-    of_file("log", "log.jsonl", &["run/log.jsonl"], |_, path, _| {
-        done(TrainingLog::read(path))
-    }),
-    of_bytes("socket", &[], |_, _, bytes| {
+    Target(
+        "log",
+        Some("log.jsonl"),
+        &["run/log.jsonl"],
+        |_, path, _| done(training_log(path)),
+    ),
+    Target("socket", None, &[], |_, _, bytes| {
         let fine = match protocol::decode(bytes).map_err(said)? {
             ClientMessage::Drag(drag) => drag.goals.iter().all(|(_, goal)| goal.is_finite()),
             ClientMessage::Keys(push) => push.direction.is_finite() && push.turn.is_finite(),
@@ -205,7 +185,7 @@ pub static TARGETS: [Target; 24] = [
         must(fine, "a goal or a push is not finite");
         Ok(())
     }),
-    of_bytes("options", &[], |_, _, bytes| {
+    Target("options", None, &[], |_, _, bytes| {
         let text = text(bytes)?;
         done(text.parse::<Setting>())
             .or_else(|_| done(text.parse::<FrameSpan>()))

@@ -1,5 +1,5 @@
 //! Pictures of a cloth in motion: stills, contact sheets and clips by a small software raster,
-//! which needs no GPU, no window and no font of the machine; and plots of numbers.
+//! which needs no GPU, no window and no font of the machine.
 //!
 //! - A **run** ([`Run`]) borrows the frames of a motion and checks them once.
 //! - A **panel** ([`Panel`]) is a run with a label and a colouring: as cloth, or by a number per
@@ -9,7 +9,6 @@
 //! - A **still** ([`still`]) is one frame; a **contact sheet** ([`contact_sheet`]) shows
 //!   **moments** of one or several panels; a **clip** ([`write_clip`]) is an animated
 //!   GIF whose clock is real.
-//! - [`plot`] draws lines.
 //!
 //! Conventions: metres and seconds, y up. Pixels count from the top left corner, x to the right and
 //! y down. Colours are sRGB outside and linear light inside. The same values give the same bytes.
@@ -35,7 +34,6 @@ mod error;
 mod image;
 mod motion;
 mod page;
-pub mod plot;
 mod raster;
 mod text;
 

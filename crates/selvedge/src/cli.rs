@@ -6,7 +6,6 @@ mod documents_tests;
 mod drape;
 mod eval;
 mod export;
-mod import;
 mod run;
 mod view;
 
@@ -23,7 +22,6 @@ pub(crate) use self::device::DeviceArgs;
 pub(crate) use self::drape::{DrapeCommand, DrapeFitArgs, DrapeTestArgs, DrapedArgs};
 pub(crate) use self::eval::EvalArgs;
 pub(crate) use self::export::{ExportArgs, FormatName};
-pub(crate) use self::import::ImportArgs;
 pub(crate) use self::run::{RunArgs, StartChoice};
 pub(crate) use self::view::{Shown, ViewArgs};
 use crate::output::Reader;
@@ -114,7 +112,6 @@ pub(crate) struct CompletionsArgs {
 #[derive(Debug, Subcommand)]
 pub(crate) enum DataCommand {
     Generate(GenerateArgs),
-    Import(ImportArgs),
     Merge(MergeArgs),
 }
 
@@ -239,15 +236,13 @@ Examples:
   selvedge info data/first
   selvedge info my-scene.toml
   selvedge info out/rollout.safetensors --picture strain.png
-  selvedge info runs/first --picture loss.svg
-  selvedge info data/first --picture pictures/")]
+
+Lengths are in metres, all numbers in SI units; --json has the configurations too.")]
 pub(crate) struct InfoArgs {
     /// A file, a folder, or the name of a shipped scene or preset.
     pub(crate) path: PathBuf,
-    /// Also draw it (.png; curves .svg): a run with its strain, a mesh or a scene as it stands, a
-    /// training as the curves of its loss. A name without an ending is a folder, which gets a contact
-    /// sheet of every trajectory of a data set.
-    #[arg(long, value_name = "FILE|FOLDER")]
+    /// Also draw a run with its strain, or a mesh or a scene as it stands (.png).
+    #[arg(long, value_name = "FILE")]
     pub(crate) picture: Option<PathBuf>,
 }
 

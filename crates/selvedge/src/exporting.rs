@@ -11,7 +11,7 @@ use selvedge_data::{Trajectory, UpAxis, ending_of};
 
 use crate::cli::FormatName;
 use crate::failure::wrong;
-use crate::film::{self, Film, Look};
+use crate::film::{Film, Look};
 use crate::output::End;
 use crate::place;
 use crate::progress::Progress;
@@ -55,14 +55,8 @@ impl Export {
         let ending = ending_of(path);
         let named = FormatName::from_str(&ending, false).ok();
         let Some(format) = format.or(named) else {
-            if ending == "mdd" {
-                return Err(wrong(format!(
-                    "{}: .mdd is not written: take .pc2, which the same programs read",
-                    path.display()
-                )));
-            }
             return Err(wrong(format!(
-                "{}: the name must end in .usda, .usdc, .usdz, .abc, .glb, .pc2, .npz, .obj, .png, .gif or .mp4; for a folder of frames say --format obj or --format png",
+                "{}: the name must end in .usda, .usdc, .usdz, .abc, .glb, .pc2, .npz, .obj, .png or .gif; for a folder of frames say --format obj or --format png, of which ffmpeg makes films",
                 path.display()
             )));
         };
@@ -81,9 +75,6 @@ impl Export {
             place::check_new_folder(path)?
         } else {
             place::check_new_file(path)?
-        }
-        if format == FormatName::Mp4 {
-            film::check_ffmpeg()?;
         }
         Ok(Self {
             path: path.to_owned(),
@@ -130,14 +121,9 @@ impl Export {
         }
         if let (Some(_), Some(option)) = (self.numbers(), self.choice.of_pictures) {
             return wrong(format!(
-                "{option}: is for pictures, clips and films (.png, .gif, .mp4), and {} is none",
+                "{option}: is for pictures and clips (.png, .gif), and {} is none",
                 self.path.display()
             ));
-        }
-        if let (FormatName::Mp4, Some(size)) = (self.format, self.choice.look.size)
-            && size.iter().any(|side| side % 2 == 1)
-        {
-            return wrong("--size: the sides of a film are even".to_owned());
         }
         let Choice {
             up,
@@ -196,7 +182,6 @@ impl Export {
         let film = Film::new(trajectory, &frames, self.choice.look)?;
         match self.format {
             FormatName::Gif => film.write_gif(&self.path),
-            FormatName::Mp4 => film.write_mp4(&self.path),
             _ if self.is_folder => film.write_pngs(&self.path),
             _ => {
                 film.write_png(&self.path)?;

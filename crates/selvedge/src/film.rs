@@ -1,14 +1,9 @@
-//! Frames of a trajectory as pictures: one (.png), a folder of them, a clip (.gif), or a film
-//! (.mp4).
-//!
-//! Films are made by ffmpeg, a program that is not part of this one: it is given the pixels of each
-//! picture and writes a file beside the place of the film, which is then renamed.
+//! Frames of a trajectory as pictures: one (.png), a folder of them, or a clip (.gif).
 
 use std::io::{self, Write};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
 
-use anyhow::{Context, anyhow, bail, ensure};
+use anyhow::{Context, ensure};
 use selvedge_data::{Trajectory, write_beside, write_folder_atomically};
 use selvedge_lab::pictures::run_of_frames;
 use selvedge_view::{
@@ -29,14 +24,11 @@ pub(crate) struct Look {
     pub(crate) colour: Option<Rgb>,
 }
 
-/// Width and height of a picture in pixels, where none are said; even, as films want it.
+/// Width and height of a picture in pixels, where none are said; even, as encoders of films want it.
 pub(crate) const SIZE: [u32; 2] = [960, 720];
 
-/// Why a film is not written after Ctrl-C.
+/// Why pictures are not written after Ctrl-C.
 const INTERRUPTED: &str = "interrupted";
-
-/// The program that makes films.
-const FFMPEG: &str = "ffmpeg";
 
 /// Frames to be drawn.
 pub(crate) struct Film<'a> {
@@ -51,23 +43,6 @@ fn ended(result: anyhow::Result<()>) -> anyhow::Result<End> {
         Ok(()) => Ok(End::Complete),
         Err(_) if interrupt::requested() => Ok(End::Interrupted),
         Err(error) => Err(error),
-    }
-}
-
-/// Checks that ffmpeg can be run.
-pub(crate) fn check_ffmpeg() -> anyhow::Result<()> {
-    let asked = Command::new(FFMPEG)
-        .arg("-version")
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .status();
-    match asked {
-        Ok(status) if status.success() => Ok(()),
-        Ok(status) => bail!("an .mp4 is made by ffmpeg, and `ffmpeg -version` failed ({status})"),
-        Err(error) => Err(anyhow!(
-            "an .mp4 is made by ffmpeg, which cannot be run here ({error}): install it so that `ffmpeg -version` works, or export .gif, or pictures with --format png"
-        )),
     }
 }
 
@@ -137,57 +112,6 @@ impl<'a> Film<'a> {
             out.flush().context("the clip")
         };
         ended(write_beside(path, draw))
-    }
-
-    /// Writes a film at the rate of the frames.
-    pub(crate) fn write_mp4(&self, path: &Path) -> anyhow::Result<End> {
-        ended(write_beside(path, |part| {
-            let mut child = self.start_ffmpeg(part)?;
-            let drawn = match child.stdin.take() {
-                Some(mut pipe) => self.draw_all(&mut |_, image| {
-                    let pixels = image.pixels().as_flattened();
-                    pipe.write_all(pixels).context("giving ffmpeg a picture")
-                }),
-                None => Err(anyhow!("ffmpeg takes no pictures")),
-            };
-            // What presses Ctrl-C may have ended ffmpeg, too.
-            if drawn.is_err() && interrupt::requested_by_now() {
-                // It has written a part of a film that nobody wants.
-                let _ = child.kill();
-                let _ = child.wait();
-                return drawn;
-            }
-            let output = child.wait_with_output().context("waiting for ffmpeg")?;
-            if !output.status.success() {
-                ensure!(!interrupt::requested_by_now(), INTERRUPTED);
-                let said = String::from_utf8_lossy(&output.stderr);
-                let said = said.lines().last().unwrap_or("nothing");
-                bail!("ffmpeg failed ({}): it said {said:?}", output.status);
-            }
-            drawn
-        }))
-    }
-
-    fn start_ffmpeg(&self, part: &Path) -> anyhow::Result<Child> {
-        let [width, height] = self.size();
-        let rate = self.run.frame_rate().to_string();
-        let mut command = Command::new(FFMPEG);
-        command
-            .args("-loglevel error -y -f rawvideo -pix_fmt rgb24".split(' '))
-            .args(["-s", &format!("{width}x{height}"), "-r", &rate, "-i", "-"])
-            .args("-f mp4 -pix_fmt yuv420p -movflags +faststart".split(' '))
-            .arg(part)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::null())
-            .stderr(Stdio::piped());
-        #[cfg(unix)]
-        {
-            use std::os::unix::process::CommandExt;
-            // Ctrl-C in a terminal goes to a whole group: ffmpeg is to be ended from here, and only
-            // from here.
-            command.process_group(0);
-        }
-        command.spawn().context("starting ffmpeg")
     }
 
     /// Draws every frame and gives it to `take`.

@@ -86,16 +86,6 @@ pub(crate) fn requested() -> bool {
     requested
 }
 
-/// As [`requested`], where another program that the same press reaches has just ended: its end may
-/// be seen first.
-pub(crate) fn requested_by_now() -> bool {
-    let until = Instant::now() + PATIENCE;
-    while !requested() && Instant::now() < until {
-        std::thread::sleep(LOOK);
-    }
-    requested()
-}
-
 /// Breaks a loop after the first press.
 pub(crate) fn flow() -> ControlFlow<()> {
     if requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }

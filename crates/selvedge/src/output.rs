@@ -200,11 +200,6 @@ impl Facts {
         self.report.insert(name.to_owned(), json!(value));
     }
 
-    /// A path for people and programs.
-    pub(crate) fn tell_path(&mut self, name: &'static str, path: &Path) {
-        self.tell_as(name, path.display(), path);
-    }
-
     /// A line of this name for each of `values`.
     pub(crate) fn add_all<T: Display>(
         &mut self,

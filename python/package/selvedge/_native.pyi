@@ -362,12 +362,13 @@ class RigidStepper(Stepper):
 class Trajectory:
     """A cloth and its positions over time: what simulations, rollouts and data sets are made of.
 
-    `Trajectory(positions, faces, material, handles, frame_rate, ...)` makes one of arrays."""
+    `Trajectory(positions, faces, material, handles, frame_rate, ...)` makes one of arrays; without
+    material (None) each face rests in the shape that it has in `rest`."""
     def __new__(
         cls,
         positions: ArrayLike,
         faces: ArrayLike,
-        material: ArrayLike,
+        material: ArrayLike | None,
         handles: Sequence[int],
         frame_rate: float,
         *,
@@ -595,7 +596,7 @@ class Evaluation:
     def write_errors(self, path: _Path) -> None:
         """Writes all errors (.csv)."""
     def write_report(self, folder: _Path) -> list[os.PathLike[str]]:
-        """Writes tables and plots into a folder, as `selvedge eval -o` does."""
+        """Writes tables into a folder, as `selvedge eval -o` does."""
 
 def simulate(
     scene: Scene,

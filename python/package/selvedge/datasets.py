@@ -4,8 +4,9 @@
 `import_released` reads the folders of the code that came with MeshGraphNetRP (Libao et al. 2023):
 cloth_pos.npy (frames, n, 3) [m], cloth_m.npy (n, 1) [kg], cloth_f_area.npy (f, 1) [m²], face.npy
 (f, 3), rest.obj (the sagged rest pose; its texture coordinates are the flat cloth [m]) and, if it is
-there, meta.json, whose dt [s] is used. Both write as `selvedge data import` does, one trajectory
-at a time; after an interruption the same call goes on. What the data do not say is an argument.
+there, meta.json, whose dt [s] is used. `import_caches` reads caches of points of any program, .npz or
+.pc2 with an .obj. All write one trajectory at a time; after an interruption the same call goes on.
+What the data do not say is an argument.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import hashlib
 import json
 import struct
 from pathlib import Path
-from typing import Any, Iterator, Sequence
+from typing import Any, Callable, Iterator, Sequence
 
 import numpy as np
 
@@ -92,22 +93,7 @@ def import_released(
     texture coordinates; `frame_rate` is 1/dt of meta.json or else 60.
     """
     source = Path(source)
-    splits = {split: source / split for split in ("train", "test") if (source / split).is_dir()}
-    if splits and test:
-        raise ValueError(f"{source} has folders train and test, which say what to test on: leave test out")
-    places: dict[str, dict[str, Path]] = {"train": {}, "test": {}}
-    for split, folder in (splits or {"": source}).items():
-        for path in sorted(folder.iterdir()):
-            if not path.is_dir() or path.name.startswith("."):
-                continue
-            if not (path / "cloth_pos.npy").is_file():
-                raise SelvedgeError(f"{path}: has no file cloth_pos.npy: every folder here is taken for a trajectory")
-            chosen = split or ("test" if path.name in test else "train")
-            if limit is None or len(places[chosen]) < limit:
-                places[chosen][path.name] = path
-    missing = [name for name in test if name not in places["test"] and limit is None]
-    if missing:
-        raise ValueError(f"test names {missing[0]!r}, which is not in {source}")
+    places = _places(source, test, limit, _released)
     rates = {f"{split}/{motion}": frame_rate or _rate(path) for split in places for motion, path in places[split].items()}
 
     def read(split: str, motion: str) -> Trajectory:
@@ -119,6 +105,141 @@ def import_released(
     if material is not None:
         config["material"] = _digest(material)
     return _write(source, out, name, places, read, config)
+
+
+def import_caches(
+    source: str | Path,
+    out: str | Path,
+    *,
+    density: float,
+    frame_rate: float,
+    handles: Sequence[int],
+    test: Sequence[str] = (),
+    name: str | None = None,
+    material: np.ndarray | str | None = None,
+    rest: np.ndarray | str = "first-frame",
+    up: str = "y",
+    limit: int | None = None,
+    max_strain: float = 1.5,
+) -> Dataset:
+    """Makes a data set of caches of points, in `train` and `test` or side by side: .npz (`positions` or
+    `points`, (frames, n, 3) [m], and `fps` where it is not `frame_rate`) or .pc2, each with its mesh beside it
+    (.obj of the same name and vertices).
+
+    `density` [kg/m²], `frame_rate`, at which frames are taken, and `handles`, the held vertices in the order
+    of their targets, are not in the data; `test` names the caches to test on, where they are side by side.
+    `material`, (n, 2) [m], is the flat cloth where the .obj has no texture coordinates in metres, "shape"
+    takes each face as the rest pose has it: for garments. `rest` is "first-frame", "flat" or positions (n, 3).
+    """
+    source = Path(source)
+    places = _places(source, test, limit, _cache)
+
+    def read(split: str, motion: str) -> Trajectory:
+        path = places[split][motion]
+        made = _of_cache(path, density, frame_rate, list(handles), material, rest, up)
+        return _within(str(path), made, max_strain)
+
+    config: dict[str, Any] = {"format": "cache", "density": density, "frame_rate": frame_rate, "handles": list(handles), "up": up}
+    config["rest"] = rest if isinstance(rest, str) else _digest(rest)
+    if material is not None:
+        config["material"] = material if isinstance(material, str) else _digest(material)
+    return _write(source, out, name, places, read, config)
+
+
+def _released(path: Path) -> str | None:
+    """The name of a trajectory of the paper's code; None where there is none."""
+    if not path.is_dir():
+        return None
+    if not (path / "cloth_pos.npy").is_file():
+        raise SelvedgeError(f"{path}: has no file cloth_pos.npy: every folder here is taken for a trajectory")
+    return path.name
+
+
+def _cache(path: Path) -> str | None:
+    """The name of a cache; None for its mesh."""
+    if path.suffix.lower() == ".obj":
+        return None
+    if path.is_dir() or path.suffix.lower() not in (".npz", ".pc2"):
+        raise SelvedgeError(f"{path}: is no cache that can be read (.npz, .pc2): move it elsewhere")
+    return path.stem
+
+
+def _places(source: Path, test: Sequence[str], limit: int | None, name_of: Callable[[Path], str | None]):
+    """The trajectories to train and to test on, by their names."""
+    splits = {split: source / split for split in ("train", "test") if (source / split).is_dir()}
+    if splits and test:
+        raise ValueError(f"{source} has folders train and test, which say what to test on: leave test out")
+    places: dict[str, dict[str, Path]] = {"train": {}, "test": {}}
+    for split, folder in (splits or {"": source}).items():
+        for path in sorted(folder.iterdir()):
+            name = None if path.name.startswith(".") else name_of(path)
+            chosen = split or ("test" if name in test else "train")
+            if name is not None and (limit is None or len(places[chosen]) < limit):
+                places[chosen][name] = path
+    missing = [name for name in test if name not in places["test"] and limit is None]
+    if missing:
+        raise ValueError(f"test names {missing[0]!r}, which is not in {source}")
+    return places
+
+
+def _points(path: Path) -> tuple[np.ndarray, float | None]:
+    """The points of a cache by frame, and its frames per second or, of a .pc2, per frame of the scene."""
+    try:
+        if path.suffix.lower() == ".npz":
+            with np.load(path, allow_pickle=False) as arrays:
+                points = np.asarray(arrays["positions" if "positions" in arrays else "points"], np.float64)
+                rate = float(np.ravel(arrays["fps"])[0]) if "fps" in arrays else None
+        else:
+            data = path.read_bytes()
+            magic, version, count, _, every, samples = struct.unpack("<12siiffi", data[:32])
+            if magic != b"POINTCACHE2\0" or version != 1 or not every > 0:
+                raise ValueError("it is no point cache of version 1")
+            points = np.frombuffer(data[32:], "<f4").astype(np.float64).reshape(samples, count, 3)
+            rate = -1 / every
+    except (OSError, ValueError, EOFError, KeyError, struct.error) as error:
+        raise SelvedgeError(f"{path}: is no cache that can be read: {error}") from error
+    if points.ndim != 3 or points.shape[2] != 3 or not len(points) or not np.isfinite(points).all():
+        raise SelvedgeError(f"{path}: has the shape {points.shape}, expected finite numbers (frames, n, 3)")
+    return points, rate
+
+
+def _of_cache(path, density, frame_rate, handles, material, rest, up) -> tuple[Trajectory, np.ndarray]:
+    """A trajectory of a cache, and what its edges are measured in."""
+    points, rate = _points(path)
+    mesh = next((path.with_suffix(end) for end in (".obj", ".OBJ") if path.with_suffix(end).exists()), path.with_suffix(".obj"))
+    places, texture, faces = _obj(mesh)
+    count = points.shape[1]
+    if len(places) != count:
+        raise SelvedgeError(f"{path}: has frames of {count} points, and a mesh of {len(places)}")
+    rate = frame_rate if rate is None else abs(rate) * (frame_rate if rate < 0 else 1)
+    if abs(rate / frame_rate - 1) > 1e-4:
+        at = np.arange(int((len(points) - 1) / rate * frame_rate + 1e-6) + 1) / frame_rate * rate
+        first = np.minimum(at.astype(int), max(len(points) - 2, 0))
+        share = (at - first)[:, None, None]
+        points = points[first] * (1 - share) + points[np.minimum(first + 1, len(points) - 1)] * share
+    points = _upright(points, up)
+    flat = texture if material is None else None if isinstance(material, str) else np.asarray(material, np.float64)
+    if flat is None and material != "shape":
+        raise SelvedgeError(
+            f"{mesh}: has no texture coordinates, one per vertex: give the flat cloth as material, or material=\"shape\""
+        )
+    if isinstance(rest, str) and (rest not in ("flat", "first-frame") or rest == "flat" and flat is None):
+        raise ValueError(f"rest must be first-frame, positions, or flat where there is a flat cloth, found {rest!r}")
+    if flat is not None and len(flat) != count:
+        raise ValueError(f"material is for {len(flat)} vertices, but there are {count}")
+    if isinstance(rest, str):
+        rest = points[0] if rest == "first-frame" else _hanging(flat)
+    if np.shape(rest) != (count, 3):
+        raise ValueError(f"rest has the shape {np.shape(rest)}, expected {(count, 3)}")
+    made = _made(str(path), points, faces, flat, handles, frame_rate, density=density, rest=np.asarray(rest, np.float64))
+    return made, np.asarray(rest) if flat is None else flat
+
+
+def _hanging(material: np.ndarray) -> np.ndarray:
+    """The flat cloth, hanging from y = 0 with u along z."""
+    low, high = material.min(0), material.max(0)
+    flat = [np.zeros(len(material)), material[:, 1] - high[1], material[:, 0] - (low[0] + high[0]) / 2]
+    return np.stack(flat, axis=1)
 
 
 def _write(source, out, name, places, read, config) -> Dataset:
@@ -334,9 +455,7 @@ def _of_record(where, data, meta, density, rest, up) -> tuple[Trajectory, np.nda
     if isinstance(rest, str):
         if rest not in ("flat", "first-frame"):
             raise ValueError(f"rest must be flat, first-frame or positions, found {rest!r}")
-        low, high = material.min(0), material.max(0)
-        flat = [np.zeros(count), material[:, 1] - high[1], material[:, 0] - (low[0] + high[0]) / 2]
-        rest = np.stack(flat, axis=1) if rest == "flat" else positions[0]
+        rest = _hanging(material) if rest == "flat" else positions[0]
     if np.shape(rest) != (count, 3):
         raise ValueError(f"rest has the shape {np.shape(rest)}, expected {(count, 3)}")
     handles = np.flatnonzero(types == _HANDLE).tolist()
@@ -382,9 +501,9 @@ def _npy(path: Path, shape: tuple[int | None, ...]) -> np.ndarray:
     return array
 
 
-def _obj(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
-    """Positions of an .obj, and one texture coordinate per vertex where it has them."""
-    points, texture, pairs = [], [], {}
+def _obj(path: Path) -> tuple[np.ndarray, np.ndarray | None, list[list[int]]]:
+    """Positions of an .obj, one texture coordinate per vertex where it has them, and its triangles."""
+    points, texture, pairs, faces = [], [], {}, []
     try:
         for line in path.read_text("utf-8").splitlines():
             words = line.split("#")[0].split()
@@ -393,6 +512,8 @@ def _obj(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
             elif words[:1] == ["vt"]:
                 texture.append([float(word) for word in words[1:3]])
             elif words[:1] == ["f"]:
+                corners = [int(corner.partition("/")[0]) - 1 for corner in words[1:]]
+                faces += [[corners[0], *pair] for pair in zip(corners[1:], corners[2:])]
                 for corner in words[1:]:
                     vertex, _, rest = corner.partition("/")
                     if number := rest.split("/")[0]:
@@ -402,8 +523,8 @@ def _obj(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
     except (IndexError, ValueError) as error:
         raise SelvedgeError(f"{path}: is no mesh: {error}") from error
     if not all(len(pairs.get(number + 1, ())) == 1 for number in range(len(points))):
-        return np.array(points), None
-    return np.array(points), np.array([next(iter(pairs[number + 1])) for number in range(len(points))])
+        return np.array(points), None, faces
+    return np.array(points), np.array([next(iter(pairs[number + 1])) for number in range(len(points))]), faces
 
 
 def _of_folder(folder, handles, rate, material, up) -> tuple[Trajectory, np.ndarray]:
@@ -416,7 +537,7 @@ def _of_folder(folder, handles, rate, material, up) -> tuple[Trajectory, np.ndar
         raise SelvedgeError(f"{folder / 'face.npy'}: has something else than whole numbers")
     _check_faces(str(folder / "face.npy"), "face", faces, count)
     areas = _npy(folder / "cloth_f_area.npy", (len(faces), 1))
-    rest, texture = _obj(folder / "rest.obj")
+    rest, texture, _ = _obj(folder / "rest.obj")
     if len(rest) != count:
         raise SelvedgeError(f"{folder / 'rest.obj'}: the rest pose is for {len(rest)} vertices, but there are {count}")
     if material is None:

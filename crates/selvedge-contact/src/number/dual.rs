@@ -3,7 +3,7 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::{Number, Vector};
+use super::{Number, Triple, Vector};
 
 /// A number, and its rate along a direction. A root of 0 counts as constant; comparisons are of the
 /// values.
@@ -16,8 +16,7 @@ pub struct Dual<N = f64> {
 }
 
 /// Three of them.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DualVector<N = f64>(pub [Dual<N>; 3]);
+pub type DualVector<N = f64> = Triple<Dual<N>>;
 
 impl<N: Number> DualVector<N> {
     /// A vector that changes by `rate`.
@@ -118,17 +117,6 @@ macro_rules! duals {
             }
         }
     };
-    ($operator: ident, $method: ident, $other: ty, $right: ident => $components: expr) => {
-        impl<N: Number> $operator<$other> for DualVector<N> {
-            type Output = Self;
-
-            #[inline(always)]
-            fn $method(self, $right: $other) -> Self {
-                let ([x, y, z], [a, b, c]) = (self.0, $components);
-                Self([x.$method(a), y.$method(b), z.$method(c)])
-            }
-        }
-    };
 }
 
 duals!(Add, add, |a, b| a.rate + b.rate, |n, _by| n.rate);
@@ -139,10 +127,6 @@ duals!(
     |a, b| a.rate * b.value + a.value * b.rate,
     |n, by| n.rate * by
 );
-duals!(Add, add, DualVector<N>, other => other.0);
-duals!(Sub, sub, DualVector<N>, other => other.0);
-duals!(Mul, mul, Dual<N>, by => [by; 3]);
-duals!(Div, div, Dual<N>, by => [by; 3]);
 
 impl<N: Number> Div for Dual<N> {
     type Output = Self;
@@ -166,40 +150,6 @@ impl<N: Number> Neg for Dual<N> {
             value: -self.value,
             rate: -self.rate,
         }
-    }
-}
-
-impl<N: Number> Neg for DualVector<N> {
-    type Output = Self;
-
-    #[inline(always)]
-    fn neg(self) -> Self {
-        let [x, y, z] = self.0;
-        Self([-x, -y, -z])
-    }
-}
-
-impl<N: Number> Vector<Dual<N>> for DualVector<N> {
-    #[inline(always)]
-    fn of(components: [Dual<N>; 3]) -> Self {
-        Self(components)
-    }
-
-    #[inline(always)]
-    fn components(self) -> [Dual<N>; 3] {
-        self.0
-    }
-
-    #[inline(always)]
-    fn dot(self, other: Self) -> Dual<N> {
-        let ([x, y, z], [a, b, c]) = (self.0, other.0);
-        x * a + y * b + z * c
-    }
-
-    #[inline(always)]
-    fn cross(self, other: Self) -> Self {
-        let ([x, y, z], [a, b, c]) = (self.0, other.0);
-        Self([y * c - b * z, z * a - c * x, x * b - a * y])
     }
 }
 

@@ -119,7 +119,7 @@ pub struct Dataset {
 
 impl Split {
     /// Both parts, in order.
-    pub(crate) const BOTH: [Self; 2] = [Self::Train, Self::Test];
+    pub const BOTH: [Self; 2] = [Self::Train, Self::Test];
 
     /// The one of two that is of this part.
     pub(crate) fn of<T>(self, train: T, test: T) -> T {

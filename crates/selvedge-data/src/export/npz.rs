@@ -60,6 +60,7 @@ fn write_arrays(take: &Take<'_>, out: &mut (impl Write + Seek)) -> io::Result<()
             }
             TensorValues::F32(values) => ("<f4", le_floats(values.iter().copied())),
             TensorValues::U32(values) => ("<i4", le_words(&values)),
+            TensorValues::U8(values) => ("|u1", values.into_owned()),
         };
         out.array(&tensor.name, kind, &tensor.shape)?;
         out.bytes(&bytes)?;

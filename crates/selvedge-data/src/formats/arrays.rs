@@ -122,6 +122,13 @@ impl<'a> ArrayFile<'a> {
         })
     }
 
+    /// An array of bytes.
+    pub(crate) fn bytes(&self, name: &str) -> Result<Array<u8>, Problem> {
+        self.read(name, "U8", |kind, data| {
+            (kind == "U8").then(|| data.to_vec())
+        })
+    }
+
     /// An array of whole numbers that fit u32.
     pub(crate) fn wholes(&self, name: &str) -> Result<Array<u32>, Problem> {
         let read = self.read(name, "U32, I32 or I64", |kind, data| match kind {

@@ -47,6 +47,8 @@ pub enum TensorValues<'a> {
     F32(Cow<'a, [f32]>),
     /// 32-bit unsigned integers.
     U32(Cow<'a, [u32]>),
+    /// Bytes.
+    U8(Cow<'a, [u8]>),
 }
 
 impl<'a> TensorOut<'a> {
@@ -67,6 +69,7 @@ impl TensorValues<'_> {
             Self::F64(values) => ("F64", 8 * values.len()),
             Self::F32(values) => ("F32", 4 * values.len()),
             Self::U32(values) => ("U32", 4 * values.len()),
+            Self::U8(values) => ("U8", values.len()),
         }
     }
 
@@ -81,6 +84,7 @@ impl TensorValues<'_> {
             Self::U32(values) => values
                 .iter()
                 .try_for_each(|v| out.write_all(&v.to_le_bytes())),
+            Self::U8(values) => out.write_all(values),
         }
     }
 }

@@ -14,7 +14,6 @@ mod written;
 
 pub use self::body::{BodySpec, Cuboid, Plane, Sides, Sphere, Tube};
 pub use self::motion::{FramesFile, NodeFile, ObstacleKeyframes, ObstacleMotion};
-pub(crate) use self::read::{moving_points, rig_frames};
 pub use self::spec::{ObstacleSpec, Placement};
 pub(crate) use self::written::ObstacleFile;
 

@@ -118,18 +118,6 @@ impl Rig {
         ends(meshes.flat_map(|mesh| mesh.own_keys().chain(mesh.keys_of_nodes(self))))
     }
 
-    /// The times `[s]` at which the points of the mesh that has `point` are known, and not only
-    /// between others; none if nothing moves it.
-    pub(crate) fn keys_at(&self, point: usize) -> Vec<f64> {
-        let mut first = 0;
-        let has_point = |mesh: &&RigMesh| {
-            first += mesh.positions.len();
-            point < first
-        };
-        let mesh = self.meshes.iter().find(has_point);
-        mesh.map_or_else(Vec::new, |mesh| mesh.keys(self))
-    }
-
     /// Positions of all points at `time` `[s]`, in metres.
     pub(crate) fn positions(&self, time: f64) -> Vec<DVec3> {
         let meshes = self.meshes.iter();

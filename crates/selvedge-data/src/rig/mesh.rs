@@ -139,7 +139,7 @@ impl RigMesh {
 }
 
 /// The points at a place in `frames`, in frames: linear between two of them.
-pub(crate) fn points_at(frames: &[Vec<DVec3>], place: f64) -> Vec<DVec3> {
+fn points_at(frames: &[Vec<DVec3>], place: f64) -> Vec<DVec3> {
     let from = (place.floor() as usize).min(frames.len() - 1);
     let to = (from + 1).min(frames.len() - 1);
     let part = place - from as f64;

@@ -20,7 +20,6 @@ use crate::formats::file_error::FileError;
 use crate::formats::input::{ending_of, read_file};
 
 pub use self::body::MeshMotion;
-pub(crate) use self::mesh::points_at;
 pub(crate) use self::node::Wanted;
 pub use self::node::{Rig, RigError, RigNode};
 

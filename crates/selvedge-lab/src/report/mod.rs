@@ -1,11 +1,9 @@
-//! Reports of evaluations and the curves of trainings: a page of Markdown with plots (.svg), and one
-//! table of all numbers (.csv).
+//! Reports of evaluations: a page of Markdown, and one table of all numbers (.csv).
 //!
 //! Everything but the times is a pure function of the runs: the same runs, the same bytes. Times
 //! depend on the machine and stand in files of their own.
 
 mod numbers;
-mod plots;
 mod tables;
 #[cfg(test)]
 mod tests;
@@ -16,14 +14,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use selvedge_data::write_atomically;
-use selvedge_view::plot::PlotError;
 
 pub(crate) use self::numbers::csv_of;
 pub use self::numbers::{errors_csv, write_errors};
 pub use self::tables::{Cells, Columns, after, character, failures, table, whole};
-pub use self::training::{TrainingLog, training_chart};
+pub use self::training::training_log;
 
-use self::plots::{by_frames, by_time, over_time};
 use crate::evaluation::{Evaluation, Run, Summary, own_errors, summaries};
 use crate::folder::{self, ERRORS};
 
@@ -45,17 +41,10 @@ pub struct Heading {
     pub times: Vec<String>,
 }
 
-/// The measure that a plot shows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Measure {
-    Position,
-    EdgeLength,
-}
-
 /// Writes the report of an evaluation into `folder`, each file whole or not at all and the page
 /// last, and says where they are.
 pub fn write(folder: &Path, heading: &Heading, evaluation: &Evaluation) -> Result<Vec<PathBuf>> {
-    let files = files(heading, evaluation)?;
+    let files = files(heading, evaluation);
     folder::make_folder(folder)?;
     let mut wrote = Vec::with_capacity(files.len());
     for (name, content) in &files {
@@ -67,84 +56,44 @@ pub fn write(folder: &Path, heading: &Heading, evaluation: &Evaluation) -> Resul
 }
 
 /// Names and contents of the files of a report.
-fn files(heading: &Heading, evaluation: &Evaluation) -> Result<Vec<(String, Vec<u8>)>, PlotError> {
+fn files(heading: &Heading, evaluation: &Evaluation) -> [(&'static str, Vec<u8>); 4] {
+    [
+        (TABLES[0], errors_csv(&evaluation.runs)),
+        (TABLES[1], numbers::times_csv(&evaluation.timings)),
+        ("times.md", times_page(heading, evaluation).into_bytes()),
+        ("report.md", errors_page(heading, evaluation).into_bytes()),
+    ]
+}
+
+/// Adds a paragraph or a table to a page; nothing where there is none.
+fn say(page: &mut String, text: &str) {
+    if !text.trim().is_empty() {
+        page.extend(["\n", text.trim(), "\n"]);
+    }
+}
+
+fn errors_page(heading: &Heading, evaluation: &Evaluation) -> String {
     let runs: Vec<&Run> = evaluation.runs.iter().collect();
     let summaries = summaries(&runs);
-    let page = errors_page(heading, &runs, &summaries, evaluation)?;
-    let times = times_page(heading, &summaries, evaluation)?;
-    let csv = [
-        errors_csv(&evaluation.runs),
-        numbers::times_csv(&evaluation.timings),
-    ];
-    let mut files = page.plots;
-    files.extend(times.plots);
-    files.extend(TABLES.map(str::to_owned).into_iter().zip(csv));
-    files.push(("times.md".to_owned(), times.text.into_bytes()));
-    files.push(("report.md".to_owned(), page.text.into_bytes()));
-    Ok(files)
-}
-
-/// A page, and the files of its plots.
-struct Page {
-    text: String,
-    plots: Vec<(String, Vec<u8>)>,
-}
-
-impl Page {
-    fn new(text: String) -> Self {
-        let plots = Vec::new();
-        Self { text, plots }
-    }
-
-    /// Adds a paragraph or a table; nothing where there is none.
-    fn say(&mut self, text: &str) {
-        if !text.trim().is_empty() {
-            self.text.push('\n');
-            self.text.push_str(text.trim());
-            self.text.push('\n');
-        }
-    }
-
-    fn table(&mut self, (headings, rows): &Columns) {
-        self.say(&table(headings, rows));
-    }
-
-    fn plot(&mut self, file: &str, what: &str, svg: Option<String>) {
-        if let Some(svg) = svg {
-            self.say(&format!("![{what}]({file})"));
-            self.plots.push((file.to_owned(), svg.into_bytes()));
-        }
-    }
-}
-
-fn errors_page(
-    heading: &Heading,
-    runs: &[&Run],
-    summaries: &[Summary],
-    evaluation: &Evaluation,
-) -> Result<Page, PlotError> {
-    let mut page = Page::new(format!("# {}\n", heading.title));
-    page.say(&heading.note);
-    heading.tables.iter().for_each(|table| page.say(table));
-    page.say(&tables::cases(&evaluation.runs));
-    page.say("## Errors after k frames");
-    page.table(&after(summaries));
+    let columns = |(headings, rows): Columns| table(&headings, &rows);
+    let mut page = format!("# {}\n", heading.title);
+    say(&mut page, &heading.note);
+    heading
+        .tables
+        .iter()
+        .for_each(|table| say(&mut page, table));
+    say(&mut page, &tables::cases(&evaluation.runs));
+    say(&mut page, "## Errors after k frames");
+    say(&mut page, &columns(after(&summaries)));
     if let Some(order) = heading.reference_order {
         let own = own_errors(&evaluation.runs, order);
-        page.say(&tables::own_error(&own, order));
+        say(&mut page, &tables::own_error(&own, order));
     }
-    page.plot("after.svg", "errors by frames", by_frames(summaries)?);
-    page.say("## Whole runs");
-    page.table(&whole(summaries));
-    for (measure, file) in [
-        (Measure::Position, "time-position.svg"),
-        (Measure::EdgeLength, "time-edge-length.svg"),
-    ] {
-        page.plot(file, "errors by time", over_time(runs, measure)?);
-    }
-    let character = character(summaries);
+    say(&mut page, "## Whole runs");
+    say(&mut page, &columns(whole(&summaries)));
+    let character = character(&summaries);
     if !character.1.is_empty() {
-        page.table(&character);
+        say(&mut page, &columns(character));
     }
     for (title, table) in [
         ("Case by case", tables::by_case(&evaluation.runs)),
@@ -152,27 +101,22 @@ fn errors_page(
         ("What failed", failures(&evaluation.runs)),
     ] {
         if !table.is_empty() {
-            page.say(&format!("## {title}"));
-            page.say(&table);
+            say(&mut page, &format!("## {title}"));
+            say(&mut page, &table);
         }
     }
-    page.say(NOTES);
-    Ok(page)
+    say(&mut page, NOTES);
+    page
 }
 
-fn times_page(
-    heading: &Heading,
-    summaries: &[Summary],
-    evaluation: &Evaluation,
-) -> Result<Page, PlotError> {
+fn times_page(heading: &Heading, evaluation: &Evaluation) -> String {
+    let runs: Vec<&Run> = evaluation.runs.iter().collect();
     let timings = &evaluation.timings;
-    let mut page = Page::new(TIMES.to_owned());
-    heading.times.iter().for_each(|line| page.say(line));
-    page.say(&tables::times(timings));
-    page.say(&tables::equal_time(summaries, timings));
-    let plot = by_time(summaries, timings)?;
-    page.plot("times.svg", "errors by the time of a frame", plot);
-    Ok(page)
+    let mut page = TIMES.to_owned();
+    heading.times.iter().for_each(|line| say(&mut page, line));
+    say(&mut page, &tables::times(timings));
+    say(&mut page, &tables::equal_time(&summaries(&runs), timings));
+    page
 }
 
 /// The times of a frame of a method over all meshes, as their mean `[ms]`.

@@ -84,8 +84,8 @@ fn report() -> std::collections::BTreeMap<String, String> {
         note: "N".to_owned(),
         ..Heading::default()
     };
-    let files = files(&heading, &evaluation()).unwrap().into_iter();
-    let texts = files.map(|(name, bytes)| (name, String::from_utf8(bytes).unwrap()));
+    let files = files(&heading, &evaluation()).into_iter();
+    let texts = files.map(|(name, bytes)| (name.to_owned(), String::from_utf8(bytes).unwrap()));
     texts.collect()
 }
 
@@ -103,7 +103,6 @@ fn tables_have_the_means_and_no_mean_where_one_failed() {
         "| d: m1 | 10.0 / 0.100 | 40.0 / 0.400 | 10.0 / 0.100 | 10.0 / 0.100 |",
         "| d: m2 | 30.0 / 0.300 | 40.0 / 0.400 | 10.0 / 0.100 | – |",
         "- b|c, m2, whole run: frame 2, \"all\" is lost",
-        "![errors by time](time-position.svg)",
     ] {
         assert!(page.contains(line), "{line}\n{page}");
     }
@@ -116,7 +115,6 @@ fn the_time_of_physics_at_equal_error_stands_beside_the_times() {
     let times = &files["times.md"];
     // 2 mm is the geometric mean of 4 and 1 mm, and 8 ms that of 4 and 16 ms.
     assert!(times.contains("| a, old | 8.00 |"), "{times}");
-    assert!(files.contains_key("times.svg"));
     assert!(files["times.csv"].contains("\"a, old\",\"square, 4 vertices\",1\n"));
 }
 

@@ -1,9 +1,10 @@
-//! A reader under libFuzzer, built and started by `cargo xtask fuzz`: the variable
-//! `SELVEDGE_TARGET` names it, `SELVEDGE_EXAMPLES` the folder in which its examples go, and
+//! A reader under libFuzzer, built and started by `.ci/fuzz`: the variable `SELVEDGE_TARGET` names
+//! it (without it all names are printed), `SELVEDGE_EXAMPLES` the folder in which its examples go, and
 //! `SELVEDGE` the program that writes some of them.
 #![no_main]
 #![allow(
     clippy::print_stderr,
+    clippy::print_stdout,
     reason = "a program that talks to people in a terminal"
 )]
 
@@ -24,8 +25,11 @@ static READER: LazyLock<(Bench, &Target)> = LazyLock::new(|| match open() {
 });
 
 fn open() -> anyhow::Result<(Bench, &'static Target)> {
-    let name = var("SELVEDGE_TARGET")?;
-    let target = TARGETS.iter().find(|target| target.name == name);
+    let Ok(name) = var("SELVEDGE_TARGET") else {
+        TARGETS.iter().for_each(|target| println!("{}", target.0));
+        std::process::exit(0);
+    };
+    let target = TARGETS.iter().find(|target| target.0 == name);
     let target = target.context("there is no such target")?;
     let folder = Path::new("target/guided/bench").join(&name);
     let bench = Bench::new(Path::new(&var("SELVEDGE")?), &folder)?;

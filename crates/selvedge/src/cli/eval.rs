@@ -31,7 +31,7 @@ Examples:
   selvedge eval --random 100 --model paper
   selvedge eval --random 1000 --mesh all --guard none --physics 2 -o out/random
 
-The folder of -o gets report.md with its plots, errors.csv (a row for each run and frame), times.md
+The folder of -o gets report.md, errors.csv (a row for each run and frame), times.md
 and times.csv; for scenes also references/: true states, which a second evaluation takes again.")]
 pub(crate) struct EvalArgs {
     /// Scenes whose converged physics is the truth: TOML files, JSON files of ARCSim, or names of

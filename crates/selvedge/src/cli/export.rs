@@ -14,7 +14,7 @@ use crate::film::Look;
 ///
 /// The format follows from the ending of the name: .usda, .usdc or .usdz (USD), .abc (Alembic),
 /// .glb (glTF), .pc2 (a point cache, with the mesh beside it as .obj), .npz (NumPy), .gif,
-/// .mp4 (by ffmpeg, where that is installed), or .obj and .png for one frame. With --format obj or
+/// or .obj and .png for one frame. With --format obj or
 /// png the name is that of a new folder, which gets a file per frame. Lengths are metres; the first
 /// exported frame is at time 0. Ctrl-C leaves nothing behind.
 #[derive(Debug, Args)]
@@ -119,8 +119,6 @@ pub(crate) enum FormatName {
     Png,
     /// A clip, in real time at 20 pictures per second.
     Gif,
-    /// A film, by ffmpeg.
-    Mp4,
 }
 
 /// An answer to an option that asks.

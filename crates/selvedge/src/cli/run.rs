@@ -47,7 +47,7 @@ pub(crate) struct RunArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MOST_FRAMES))]
     pub(crate) frames: Option<u32>,
     /// Also write the run in the format of another program, as its name ends: .usda, .usdc, .usdz,
-    /// .abc, .glb, .pc2, .npz, .gif or .mp4; repeat the option for several (`selvedge export` has more).
+    /// .abc, .glb, .pc2, .npz or .gif; repeat the option for several (`selvedge export` has more).
     #[arg(long, value_name = "FILE")]
     pub(crate) export: Vec<PathBuf>,
     /// Solver: find the sagged rest pose and write that alone.

@@ -2,7 +2,6 @@
 
 mod compare;
 mod data;
-mod data_import;
 mod drape;
 mod eval;
 mod export;
@@ -35,7 +34,6 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<Answer> {
         Command::Export(args) => export::run(args),
         Command::Compare(args) => compare::run(args),
         Command::Data(DataCommand::Generate(args)) => data::generate(args),
-        Command::Data(DataCommand::Import(args)) => data_import::run(args),
         Command::Data(DataCommand::Merge(args)) => data::merge(args),
         Command::Train(args) => train::run(args),
         Command::Eval(args) => eval::run(args),

@@ -269,8 +269,6 @@ fn a_folder_of_results_takes_no_results_of_another_kind() {
          1 | eval {model} --data tiny -o run | {run}
          1 | data generate tiny -o run | {run}
          1 | data merge part -o run | {run}
-         1 | info tiny --picture tiny | {data}
-         1 | info tiny --picture run | {run}
          1 | eval push.toml -o tiny --physics 1 | {data}",
     ));
 }

@@ -26,16 +26,7 @@ fn runs(answer: &Value) -> [Vec<&Value>; 2] {
 fn two_models_stand_side_by_side_as_each_stands_alone() {
     let dir = two_models();
     let both = dir.json(&format!("eval {MODELS} --data tiny --horizons 5,1,5 -o r"));
-    let files = [
-        "after.svg",
-        "errors.csv",
-        "report.md",
-        "time-edge-length.svg",
-        "time-position.svg",
-        "times.csv",
-        "times.md",
-        "times.svg",
-    ];
+    let files = ["errors.csv", "report.md", "times.csv", "times.md"];
     assert_eq!(names_in(&dir.path("r")), files);
     let [started, whole] = runs(&both);
     let names = column(whole.iter().copied(), "method");
@@ -72,9 +63,7 @@ fn the_physics_runs_beside_the_models_with_the_substeps_asked_for() {
     assert!(coarse > 1e-4, "{coarse}");
     assert!(own < 1e-2 * coarse, "{own} {coarse}");
     let times = dir.text("r/times.md");
-    assert!(times.contains("](times.svg)"), "{times}");
-    let plot = dir.text("r/times.svg");
-    assert!(plot.contains("time of a frame (ms)") && plot.contains("physics"));
+    assert!(times.contains("physics"), "{times}");
 }
 
 #[test]

@@ -29,7 +29,7 @@ pub(crate) use self::assemble::assemble;
 pub(crate) use self::sew::sew;
 pub use self::sew::{PanelPlace, SeamPair, Sewing};
 pub(crate) use self::shape::own_shape;
-pub(crate) use self::triangulate::{triangles_in_space, triangles_of_body};
+pub(crate) use self::triangulate::triangles_of_body;
 pub(crate) use self::weld::owners;
 
 /// Choices for reading a mesh of another program.

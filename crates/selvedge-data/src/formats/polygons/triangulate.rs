@@ -7,7 +7,7 @@ use super::shape::in_own_plane;
 
 /// Triangles of a polygon in space, cut in the plane of its mean normal; none if it has less than
 /// three corners, crosses itself or has no area.
-pub(crate) fn triangles_in_space(corners: &[DVec3]) -> Option<Vec<[usize; 3]>> {
+pub(super) fn triangles_in_space(corners: &[DVec3]) -> Option<Vec<[usize; 3]>> {
     triangulate(&in_own_plane(corners))
 }
 

@@ -138,12 +138,12 @@ pub(super) fn own_motion(path: &str, bytes: &[u8]) -> Option<String> {
 }
 
 /// Frames per second, and the points in every frame.
-pub(crate) type Frames = (f64, Vec<Vec<DVec3>>);
+pub(super) type Frames = (f64, Vec<Vec<DVec3>>);
 
 /// The points in a file of any kind but .obj, from `from` `[s]` after its start on, and their
 /// frames per second: `rate` for what has times of its own or says none. Of a .glb with several
 /// animations one is named.
-pub(crate) fn moving_points(
+pub(super) fn moving_points(
     path: &str,
     bytes: &[u8],
     animation: Option<&str>,
@@ -177,7 +177,7 @@ pub(crate) fn moving_points(
 }
 
 /// The points of a rig's meshes from `from` `[s]` after its start on, `rate` frames a second.
-pub(crate) fn rig_frames(rig: &Rig, from: f64, rate: f64) -> Result<Vec<Vec<DVec3>>, String> {
+fn rig_frames(rig: &Rig, from: f64, rate: f64) -> Result<Vec<Vec<DVec3>>, String> {
     if rig.span_of_meshes().is_none() {
         let problem = ["nothing in it moves: leave motion out, or animate it".to_owned()];
         return Err([&problem, &rig.warnings[..]].concat().join("; "));

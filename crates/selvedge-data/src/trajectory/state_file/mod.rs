@@ -7,16 +7,14 @@
 //! frames of a run. For such a file the version is checked too, and its frame rate against that of
 //! the run that continues from it.
 
-mod contact;
-
 use std::collections::HashMap;
 use std::path::Path;
 
 use glam::DVec3;
-use selvedge_cloth::{Checkpoint, PreviousSubstep};
+use selvedge_cloth::{Checkpoint, ContactMemory, PreviousSubstep};
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
-use self::contact::Tables;
 use crate::formats::arrays::{Array, ArrayFile};
 use crate::formats::atomic::WriteError;
 use crate::formats::file_error::{FileError, Problem};
@@ -45,6 +43,11 @@ const PREVIOUS: [&str; 3] = [
 ];
 /// Names of the arrays of [`Checkpoint::changes`]; where a state has none, its seconds are 0.
 const CHANGES: [&str; 2] = ["changes", "changes_seconds"];
+/// What contact has left in each state, as JSON; and the array in which earlier versions had it.
+const CONTACT: &str = "contact";
+const FORMER: &str = "contact_counts";
+/// Size that a number of it may have.
+const MOST: f64 = u32::MAX as f64;
 
 /// A state of a file, resolved.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -191,12 +194,19 @@ impl StateRun {
                 seconds(CHANGES[1], |s| Some(s.changes.as_ref()?.1)),
             ]);
         }
-        let [reals, wholes] = Tables::of(states).tensors();
-        tensors.extend(reals);
         let frames = states.iter().map(|state| state.frame as u32).collect();
         let frames = TensorValues::U32(frames);
         tensors.push(TensorOut::new(PAIRS[0][2], &[states.len()], frames));
-        tensors.extend(wholes);
+        if states.iter().any(|state| state.contact.is_some()) {
+            let memories: Vec<_> = states.iter().map(|state| &state.contact).collect();
+            let text = serde_json::to_vec(&memories).unwrap_or_default();
+            let shape = [text.len()];
+            tensors.push(TensorOut::new(
+                CONTACT,
+                &shape,
+                TensorValues::U8(text.into()),
+            ));
+        }
         write_tensors(path, &tensors, &provenance.metadata(STATES_FORMAT, VERSION))
     }
 }
@@ -256,7 +266,7 @@ struct Arrays {
     frames: Option<Vec<u32>>,
     previous: Option<[Array<f64>; 3]>,
     changes: Option<[Array<f64>; 2]>,
-    contact: Tables,
+    contact: Vec<Option<ContactMemory>>,
 }
 
 impl Arrays {
@@ -306,9 +316,9 @@ impl Arrays {
                 None
             },
             contact: if is_own {
-                Tables::read(file, count.unwrap_or(1))?
+                read_contact(file, count.unwrap_or(1))?
             } else {
-                Tables::default()
+                vec![None; count.unwrap_or(1)]
             },
             vertices,
             count,
@@ -320,7 +330,7 @@ impl Arrays {
     fn state(&self, index: usize, frame: usize) -> Result<Checkpoint, Problem> {
         let own = |array| self.entry(array, index);
         let mut state = Checkpoint {
-            contact: self.contact.state(index)?,
+            contact: self.contact[index].clone(),
             ..Checkpoint::of(frame, own(&self.positions)?, own(&self.velocities)?)
         };
         if let Some([x, v, seconds]) = &self.previous
@@ -381,6 +391,41 @@ impl Arrays {
                 "has the states of frames {known}: say which, as frame"
             ))
         })
+    }
+}
+
+/// What contact left in each of `states`.
+fn read_contact(
+    file: &ArrayFile<'_>,
+    states: usize,
+) -> Result<Vec<Option<ContactMemory>>, Problem> {
+    if file.has(FORMER) {
+        let problem = "has contact as an earlier version wrote it: save the states of a new run";
+        return Err(Problem(problem.to_owned()));
+    }
+    if !file.has(CONTACT) {
+        return Ok(vec![None; states]);
+    }
+    let wrong =
+        |found: String| Problem::array(CONTACT, "the contact of each state, as JSON", found);
+    let text = file.bytes(CONTACT)?.values;
+    let all: Value = serde_json::from_slice(&text).map_err(|error| wrong(error.to_string()))?;
+    if !is_usable(&all) {
+        return Err(wrong(format!("a number beyond {MOST}")));
+    }
+    let read: Vec<_> = serde_json::from_value(all).map_err(|error| wrong(error.to_string()))?;
+    if read.len() != states {
+        return Err(wrong(format!("{} for {states} states", read.len())));
+    }
+    Ok(read)
+}
+
+fn is_usable(value: &Value) -> bool {
+    match value {
+        Value::Number(number) => number.as_f64().is_some_and(|n| n.abs() <= MOST),
+        Value::Array(items) => items.iter().all(is_usable),
+        Value::Object(fields) => fields.values().all(is_usable),
+        _ => true,
     }
 }
 

@@ -258,37 +258,29 @@ fn a_shape_that_no_bytes_stand_behind_is_an_error_and_no_panic() {
 #[test]
 fn contact_that_does_not_fit_is_named() {
     let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("states.npz");
-    let at_rest = floats("(1, 3)", &[0.0; 3]);
-    let whole = |shape: &str, values: &[u32]| {
-        let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-        npy("<u4", shape, &bytes)
+    let path = folder.path().join("states.safetensors");
+    let write = |name: &'static str, text: &str| {
+        let at_rest = |name: &'static str| {
+            TensorOut::new(name, &[1, 3], TensorValues::F64(vec![0.0; 3].into()))
+        };
+        let bytes = TensorValues::U8(text.as_bytes().into());
+        let contact = TensorOut::new(name, &[text.len()], bytes);
+        let tensors = [at_rest("positions"), at_rest("velocities"), contact];
+        write_tensors(&path, &tensors, &std::collections::BTreeMap::new()).unwrap();
     };
-    let write = |counts: &[u32], anchors: &[u32], pulls: &[f64]| {
-        let file = archive(&[
-            ("positions", at_rest.clone()),
-            ("velocities", at_rest.clone()),
-            ("contact_counts", whole("(1, 3)", counts)),
-            ("contact_anchors", whole("(1, 3)", anchors)),
-            ("contact_pulls", floats("(1, 6)", pulls)),
-        ]);
-        std::fs::write(&path, file).unwrap();
-    };
-    let (normal, far) = ([0.0; 6], [0.0, 0.0, 0.0, 1e300, 0.0, 0.0]);
-    for (counts, first, pulls, word) in [
-        ([2, 0, 0], 0, &normal, "contact_anchors: expected 6"),
-        ([1, 1, 0], 0, &normal, "contact_pushing: expected 4"),
-        ([1, 0, 0], 2, &normal, "contact_anchors: expected entries"),
-        ([1, 0, 0], 0, &far, "contact_pulls: expected finite"),
+    let memory = serde_json::to_string(&memory(2)).unwrap();
+    let far = memory.replacen("0.6", "1e300", 1);
+    for (name, text, word) in [
+        ("contact", format!("[{memory}, null]"), "2 for 1 states"),
+        ("contact", "[{}]".to_owned(), "missing field `anchors`"),
+        ("contact", format!("[{memory}"), "EOF"),
+        ("contact", format!("[{far}]"), "a number beyond"),
+        ("contact_counts", String::new(), "an earlier version"),
     ] {
-        write(&counts, &[first, 0, 0], pulls);
-        says(error(folder.path(), &of("states.npz"), 1), &[word]);
+        write(name, &text);
+        says(error(folder.path(), &of("states.safetensors"), 1), &[word]);
     }
-    write(&[1, 0, 0], &[1, 4, 5], &normal);
-    let (state, _) = of("states.npz").read(folder.path(), 1).unwrap();
-    let edges = Touching::Edges {
-        first: 4,
-        second: 5,
-    };
-    assert_eq!(state.contact.unwrap().anchors[0].of, edges);
+    write("contact", &format!("[{memory}]"));
+    let (state, _) = of("states.safetensors").read(folder.path(), 1).unwrap();
+    assert_eq!(state.contact, Some(self::memory(2)));
 }

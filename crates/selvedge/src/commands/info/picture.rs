@@ -1,51 +1,41 @@
-//! Pictures of files: a cloth as a still or a contact sheet, a training as curves.
+//! Pictures of files: a run as a contact sheet, a cloth as a still.
 
 use std::borrow::Cow;
 use std::path::Path;
 
+use anyhow::bail;
 use selvedge_cloth::{Mesh, Obstacle, VertexId};
-use selvedge_data::{Trajectory, ending_of};
+use selvedge_data::Trajectory;
 use selvedge_lab::physics;
 use selvedge_lab::pictures::strain_sheet;
-use selvedge_view::plot::LineChart;
 use selvedge_view::{Body, Colouring, Panel, Run, still};
 
-use crate::failure::wrong;
 use crate::film::SIZE;
 use crate::place;
 
-/// What there is to draw of a file or folder.
+/// What there is to draw of a file.
 pub(super) enum Picture {
-    /// A run with its strain, under this name where its scene has none.
-    Run(Box<Trajectory>, String),
+    /// A run with its strain.
+    Run(Box<Trajectory>),
     /// A mesh as it stands, with its held vertices and the bodies beside it.
     Still(Box<Mesh>, Vec<VertexId>, Vec<Obstacle>),
-    Curves(LineChart),
-    /// Nothing, and why.
-    Nothing(anyhow::Error),
+    Nothing,
 }
 
 impl Picture {
-    /// Draws it to the file `to` (.png; curves .svg).
-    pub(super) fn write(self, to: &Path) -> anyhow::Result<()> {
-        let is_svg = ending_of(to) == "svg";
-        let remedy = match (&self, is_svg) {
-            (Self::Nothing(_), _) | (Self::Curves(_), true) => None,
-            (Self::Curves(_), false) => Some("curves are drawn as .svg: take that"),
-            (_, true) => Some("only curves are drawn as .svg: take .png"),
-            (_, false) => None,
-        };
-        if let Some(remedy) = remedy {
-            return Err(wrong(format!("--picture {}: {remedy}", to.display())));
-        }
+    /// Draws what is in the file at `path` to the file `to` (.png).
+    pub(super) fn write(self, path: &Path, to: &Path) -> anyhow::Result<()> {
         let bytes = match self {
-            Self::Run(run, other) => {
+            Self::Run(run) => {
                 let name = run.provenance().scene["name"].as_str();
-                strain_sheet(name.unwrap_or(&other), &run)?
+                let stem = || path.file_stem().unwrap_or_default().to_string_lossy();
+                strain_sheet(&name.map_or_else(stem, Cow::Borrowed), &run)?
             }
             Self::Still(mesh, handles, obstacles) => png_of(&mesh, &handles, &obstacles)?,
-            Self::Curves(chart) => chart.to_svg()?.into_bytes(),
-            Self::Nothing(why) => return Err(why),
+            Self::Nothing => bail!(
+                "--picture: {} is no run, mesh or scene: there is nothing to draw of it",
+                path.display()
+            ),
         };
         place::write(to, &bytes)
     }

@@ -1,4 +1,4 @@
-//! A trajectory from the parts that foreign data have.
+//! A trajectory from the parts that data of other projects have.
 
 use glam::{DVec2, DVec3, Vec3};
 use selvedge_cloth::geometry::signed_area_2d;
@@ -130,18 +130,6 @@ fn check_near(place: &str, positions: &[DVec3]) -> Result<(), String> {
     }
 }
 
-/// The material coordinates hanging flat as a generated sheet does.
-pub(super) fn hanging(material: &[DVec2]) -> Vec<DVec3> {
-    let low = material.iter().copied().fold(DVec2::INFINITY, DVec2::min);
-    let high = material
-        .iter()
-        .copied()
-        .fold(DVec2::NEG_INFINITY, DVec2::max);
-    let middle = (low.x + high.x) / 2.0;
-    let hang = |c: &DVec2| DVec3::new(0.0, c.y - high.y, c.x - middle);
-    material.iter().map(hang).collect()
-}
-
 /// `faces` turned round where all of them are clockwise in material space.
 fn counter_clockwise(faces: Vec<[u32; 3]>, material: &[DVec2]) -> Result<Vec<[u32; 3]>, String> {
     let corner = |v: u32| material[v as usize];
@@ -167,4 +155,37 @@ fn check_area(area: &[f32], expected: f64) -> Result<(), String> {
     Err(format!(
         "the faces have {found} m² in all, but {expected} m² in material space: texture coordinates must be in metres"
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_garment_without_a_pattern_rests_as_it_stands() {
+        let (rings, around) = (3, 6);
+        let places = (0..rings * around).map(|k: usize| {
+            let angle = std::f64::consts::TAU * (k % around) as f64 / around as f64;
+            DVec3::new(angle.cos(), (k / around) as f64, angle.sin())
+        });
+        let rest: Vec<DVec3> = places.collect();
+        let faces = (0..(rings - 1) * around).flat_map(|a| {
+            let b = a / around * around + (a + 1) % around;
+            [[a, a + around, b + around], [a, b + around, b]].map(|f| f.map(|v| v as u32))
+        });
+        let parts = TrajectoryParts {
+            faces: faces.collect(),
+            material: None,
+            positions: rest.clone(),
+            rest,
+            handles: vec![0],
+            weight: Weight::Density(0.2),
+            frame_rate: 30.0,
+            made_by: "a test".to_owned(),
+        };
+        let made = parts.trajectory().unwrap();
+        // Each side is as wide as the radius.
+        let area: f32 = made.cloth().face_area().iter().sum();
+        assert!((area - 12.0).abs() < 1e-5, "{area} m²");
+    }
 }
