@@ -119,7 +119,6 @@ fn a_body_receives_the_momentum_that_it_gives() {
         let momentum = momentum(&simulator);
         assert!(momentum.y > 0.05, "{momentum}");
         let lost = (momentum + received).length() / momentum.length();
-        println!("{friction} {radius:?}: lost {lost:.1e}");
         assert!(lost < 1e-9, "{friction} {radius:?}: {lost} of {momentum}");
     }
 }
