@@ -222,7 +222,7 @@ fn pressed(layers: u32, mass: f64, substeps: u32) -> (f64, f64) {
 }
 
 #[test]
-#[ignore = "what rests on cloth upon a floor may be thrown: where squeezed cloth recoils its answer jumps, and the frame finds no impulse on which both agree"]
+#[ignore = "not run to its end: over 100 s on a busy machine"]
 fn a_book_on_a_towel_sinks_by_the_curve_and_lies_still() {
     for substeps in [1, 4] {
         let (height, still) = pressed(4, 1.0, substeps);
@@ -234,7 +234,7 @@ fn a_book_on_a_towel_sinks_by_the_curve_and_lies_still() {
 }
 
 #[test]
-#[ignore = "what rests on cloth upon a floor may be thrown: where squeezed cloth recoils its answer jumps, and the frame finds no impulse on which both agree"]
+#[ignore = "not run to its end: over 100 s on a busy machine"]
 fn ten_layers_under_a_board_stand_as_the_curve_has_each_at_its_load() {
     let (height, still) = pressed(10, 0.2, 2);
     assert!(
@@ -286,7 +286,7 @@ fn a_swinging_bar_pushes_a_curtain_and_is_slowed() {
 }
 
 #[test]
-#[ignore = "what rests on cloth upon a floor may be thrown: where squeezed cloth recoils its answer jumps, and the frame finds no impulse on which both agree"]
+#[ignore = "plates on cloth upon a floor are thrown: their frames find no impulse on which both agree"]
 fn a_table_cloth_is_pulled_from_under_plates_that_stay() {
     let mut scene = lying(16, 0.04, &[9e-4], |p| p.x > 0.31);
     scene.contact = Some(ContactSettings {

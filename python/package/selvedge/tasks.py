@@ -189,8 +189,8 @@ def _lift(env, seconds):
 
 
 def _fold(env, seconds):
-    # Not so high that it drags the other side along; and 3.5 cm short, because the side that is laid down has curled
-    # below the hands, and unrolls ahead by about 3 cm when they let go.
+    # Not so high that it drags the other side along; and 3.5 cm short, because the corners
+    # swing up and land about 3 cm farther when they are let go.
     turned, radius = np.pi * _smooth(seconds / 1.5), 0.5 * (SIDE - 0.035)
     return np.array([radius * (1 - np.cos(turned)), radius * np.sin(turned) + 0.004]), seconds < 2.0
 
