@@ -55,7 +55,7 @@ def test_worlds_have_the_bytes_of_one_by_one():
         worlds.step(np.zeros((3, 2, 3)))
 
 
-@pytest.mark.parametrize("task, spacing", [("lift", 0.02), ("fling", 0.03)])
+@pytest.mark.parametrize("task, spacing", [("lift", 0.02), ("fold", 0.02), ("fling", 0.03)])
 def test_the_scripted_policy_does_the_task(task, spacing):
     pytest.importorskip("gymnasium")
     from selvedge import tasks

@@ -134,6 +134,21 @@ impl ActiveHandles {
         }
     }
 
+    /// The point of a substep at which its equations hold, as a part of it.
+    pub(crate) fn point(&self, looked_back: bool) -> f64 {
+        let formula = self.second_order.as_ref().filter(|_| looked_back);
+        formula.map_or(1.0, SecondOrder::point)
+    }
+
+    /// The impulse of a `force` `[N]` in a substep over `dt` `[s]`, and what the next one looks back to;
+    /// `carried` is what this one looked back to, none where it did not.
+    pub(crate) fn impulse(&self, dt: f64, force: DVec3, carried: Option<DVec3>) -> [DVec3; 2] {
+        match (&self.second_order, carried) {
+            (Some(formula), Some(carried)) => formula.impulse(dt, force, carried),
+            _ => [force * dt; 2],
+        }
+    }
+
     pub(crate) fn looks_back(&self) -> bool {
         self.second_order.is_some()
     }

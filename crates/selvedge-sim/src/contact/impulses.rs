@@ -12,6 +12,11 @@ use super::collisions::Collisions;
 pub(crate) struct ObstacleImpulses {
     /// `[obstacles]`
     pub(super) all: Vec<Impulse>,
+    /// What they have of the change of velocity that the next substep looks back to, `[obstacles]`; empty
+    /// after a saved state, which has none.
+    pub(crate) carried: Vec<Impulse>,
+    /// Forces of the last solve and their moments, `[obstacles]`.
+    forces: Vec<Impulse>,
     /// False before the first frame after a saved state.
     pub(crate) are_known: bool,
     /// The same before the last solve.
@@ -26,36 +31,53 @@ impl ObstacleImpulses {
     pub(super) fn none(obstacles: usize) -> Self {
         Self {
             all: vec![Impulse::ZERO; obstacles],
+            carried: vec![Impulse::ZERO; obstacles],
+            forces: vec![Impulse::ZERO; obstacles],
             are_known: false,
             before: vec![Impulse::ZERO; obstacles],
             pushed: vec![Impulse::ZERO; obstacles],
         }
     }
 
-    /// Adds the forces at the end of a solve, where points are at `end` `[m]`, over all of its
-    /// `left` `[s]`.
+    /// Adds what the forces gave in a solve, whose equations hold with points at `place` `[m]`: the cloth
+    /// got it. `impulse` is that of a force, and of what the solve looked back to if it is known, with what
+    /// the next one looks back to.
     pub(super) fn add_forces(
         &mut self,
         surface: &CollisionMesh,
-        end: &[DVec3],
-        left: f64,
+        place: impl Fn(usize) -> DVec3,
+        impulse: impl Fn(DVec3, Option<DVec3>) -> [DVec3; 2],
         collisions: &Collisions,
     ) {
         self.pushed.fill(Impulse::ZERO);
+        self.forces.fill(Impulse::ZERO);
         self.before.clone_from(&self.all);
         for collision in &collisions.list {
             let first = surface.body_of(collision.corners[0]);
             let body = first.max(surface.body_of(collision.corners[3]));
             if let Some(own) = body.checked_sub(1) {
                 let whole: f64 = collision.weights.iter().sum();
-                let displacement = collision.displacement(|v| end[v]);
-                let impulse = collision.force_at(displacement) * -left;
-                let place = displacement - collision.drift + collision.base;
-                self.all[own] += Impulse {
-                    linear: impulse * whole,
-                    angular: place.cross(impulse),
+                let displacement = collision.displacement(&place);
+                let force = -collision.force_at(displacement);
+                let arm = displacement - collision.drift + collision.base;
+                self.forces[own] += Impulse {
+                    linear: force * whole,
+                    angular: arm.cross(force),
                 };
             }
+        }
+        let is_known = !self.carried.is_empty();
+        self.carried.resize(self.all.len(), Impulse::ZERO);
+        let all = self.all.iter_mut().zip(&mut self.carried);
+        for ((all, carried), force) in all.zip(&self.forces) {
+            let given = |force, carried| impulse(force, is_known.then_some(carried));
+            let [linear, next_linear] = given(force.linear, carried.linear);
+            let [angular, next_angular] = given(force.angular, carried.angular);
+            *all += Impulse { linear, angular };
+            *carried = Impulse {
+                linear: next_linear,
+                angular: next_angular,
+            };
         }
     }
 

@@ -156,6 +156,8 @@ pub(crate) struct Contact {
     /// State at the start of a solve.
     before: State,
     history: HistoryUse,
+    /// True if the last solve looked back.
+    looked_back: bool,
     /// What the last substep left, its lists in order.
     pub(crate) memory: ContactMemory,
     /// Direction of gravity, or zero.
@@ -219,6 +221,7 @@ impl Contact {
             end: points,
             before: State::at_origin(mass.len()),
             history: HistoryUse::Kept,
+            looked_back: false,
             memory: ContactMemory::default(),
             down: scene.environment.gravity.normalize_or_zero(),
             ways_out: Vec::new(),
@@ -340,6 +343,7 @@ impl Contact {
             memory.still.clear();
         }
         self.received.are_known = false;
+        self.received.carried.clear();
         self.memory = memory;
         self.leave_out_released();
     }

@@ -184,14 +184,17 @@ impl Contact {
     /// Takes half of their way from the vertices of pairs that failed, or `all` of it.
     fn hold_back(&mut self, all: bool) {
         let mut is_held = vec![false; self.mass.len()];
-        for (pair, ..) in &self.ccd.failed {
+        let failed = std::mem::take(&mut self.ccd.failed);
+        for (pair, ..) in &failed {
             for p in pair.corners.map(|p| p as usize) {
                 if self.inverse[p] > 0.0 && !std::mem::replace(&mut is_held[p], true) {
-                    let (start, end) = (self.start[p], &mut self.end[p]);
-                    *end = if all { start } else { start.midpoint(*end) };
+                    let (start, end) = (self.start[p], self.end[p]);
+                    self.end[p] = if all { start } else { start.midpoint(end) };
+                    self.note_push(self.other_body(pair), p, self.end[p] - end);
                 }
             }
         }
+        self.ccd.failed = failed;
     }
 
     /// Moves `state` to the end that is certified; velocities follow the moves.

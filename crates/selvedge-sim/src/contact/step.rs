@@ -64,8 +64,13 @@ impl Contact {
                 return Ok(Advance::TooLong);
             }
             let collisions = &active.system.collisions;
-            self.received
-                .add_forces(&self.mesh, &self.end, left, collisions);
+            let (looked_back, point) = (self.looked_back, active.point(self.looked_back));
+            self.received.add_forces(
+                &self.mesh,
+                |v| self.start[v].lerp(self.end[v], point),
+                |force, carried| active.impulse(left, force, carried.filter(|_| looked_back)),
+                collisions,
+            );
             let outcome = self.resolve(left, span, state)?;
             self.received.add_pushes(left);
             match outcome {
@@ -140,6 +145,7 @@ impl Contact {
             is_near = if self.history == HistoryUse::Kept {
                 history.forget();
                 state.copy_from(&self.before);
+                self.looked_back = false;
                 active.advance_touching(left, state, None, span.targets)?
             } else {
                 active.go_on(left, &self.before, state, span.targets)?
@@ -199,10 +205,13 @@ impl Contact {
         self.before.copy_from(state);
         if active.system.collisions.is_empty() && !jumps {
             self.history = HistoryUse::Kept;
+            let (fits, fell_back) = (history.fits(left), history.counts.fell_back);
             active.advance(left, state, Some(history), span.targets)?;
+            self.looked_back = fits && history.counts.fell_back == fell_back;
             return Ok(true);
         }
         let looks_back = !jumps && history.fits(left);
+        self.looked_back = looks_back;
         if active.looks_back() {
             let fell_back = u64::from(!looks_back);
             self.counts.fell_back += fell_back;

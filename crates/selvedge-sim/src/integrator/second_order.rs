@@ -288,6 +288,16 @@ impl SecondOrder {
         self.stage.gamma < self.stage.span
     }
 
+    /// [`TwoStep::point`], in a substep that looks back.
+    pub(crate) fn point(&self) -> f64 {
+        self.formula.point
+    }
+
+    /// [`TwoStep::impulse`].
+    pub(crate) fn impulse(&self, dt: f64, force: DVec3, carried: DVec3) -> [DVec3; 2] {
+        self.formula.impulse(dt, force, carried)
+    }
+
     /// Keeps what the next substep looks back to, after one from `state` over `dt` `[s]`, which
     /// `started` or looked back itself.
     fn keep(&self, state: &State, history: &mut History, dt: f64, started: bool) {

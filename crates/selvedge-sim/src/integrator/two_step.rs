@@ -58,6 +58,13 @@ impl TwoStep {
         end - ((end - start) / self.new_rate - (start - before) * old_rate)
     }
 
+    /// The impulse that a `force` gives in a substep over `dt` `[s]`, `carried` being what it has of m (v - v')
+    /// at the start; and what it has of that at the end.
+    pub(super) fn impulse(&self, dt: f64, force: DVec3, carried: DVec3) -> [DVec3; 2] {
+        let given = (carried * self.weight + force * self.gamma(dt)) / self.point;
+        [given, given - self.before(DVec3::ZERO, -carried, given)]
+    }
+
     /// Derivatives of [`Self::before`] by the end, the start and the y' of the start.
     pub(super) fn before_weights(&self) -> [f64; 3] {
         let (rate, old_rate) = (1.0 / self.new_rate, (1.0 - self.new_rate) / self.new_rate);

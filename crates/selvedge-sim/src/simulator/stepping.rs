@@ -3,8 +3,8 @@
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{
-    Correctable, HandleTargets, Handles, Rigid, Snapshot, StepError, Stepper, Stop, Topology,
-    VertexId, check_target_count,
+    Correctable, HandleTargets, Handles, Impulse, Rigid, Snapshot, StepError, Stepper, Stop,
+    Topology, VertexId, check_target_count,
 };
 
 use super::frame::FRAME;
@@ -92,6 +92,7 @@ impl Stepper for Simulator {
         let turn = to.turn.normalize();
         let to = Rigid { turn, ..to };
         let mut led = self.led();
+        led.carried.clear();
         let state = &mut led.checkpoint;
         let previous = state.previous.as_mut();
         let (before, pace) = previous
@@ -133,6 +134,8 @@ impl Stepper for Simulator {
 /// A state, and where and how its handles were led.
 struct Led {
     checkpoint: Checkpoint,
+    /// What obstacles have of the change of velocity that is looked back to.
+    carried: Vec<Impulse>,
     reached: Vec<DVec3>,
     holds: Vec<bool>,
 }
@@ -141,6 +144,10 @@ impl Simulator {
     fn led(&self) -> Led {
         Led {
             checkpoint: self.checkpoint(),
+            carried: self
+                .contact
+                .as_ref()
+                .map_or_else(Vec::new, |c| c.received.carried.clone()),
             reached: self.reached.clone(),
             holds: self.active.holds().to_vec(),
         }
@@ -164,6 +171,9 @@ impl Simulator {
             self.update_wind();
         }
         self.reached.copy_from_slice(&led.reached);
+        if let Some(contact) = &mut self.contact {
+            contact.received.carried.clone_from(&led.carried);
+        }
         Ok(())
     }
 
