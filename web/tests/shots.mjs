@@ -97,9 +97,10 @@ await shot("gap", { size: desk }, async (page) => {
   await until(page, () => window.selvedge.state.generation === 2 && !window.selvedge.state.busy);
   await page.click("#drop");
   await until(page, () => window.selvedge.stage.frame.goals.length === 0);
-  await moved(page, 2);
+  await moved(page, 3);
   await page.click("#pause");
-  await wait(1);
+  await until(page, () => !window.selvedge.state.running);
+  await wait(4);
 });
 await shot("table", { size: desk, args: ["tablecloth"] }, fallen);
 await shot("phone", { size: { width: 390, height: 844 }, touch: true, args: ["tablecloth"] }, fallen);
