@@ -91,16 +91,9 @@ async function fallen(page) {
   await until(page, () => !window.selvedge.state.running);
   await wait(1);
 }
-await shot("gap", { size: desk }, async (page) => {
+await shot("gap", { size: desk, args: ["tablecloth"] }, async (page) => {
   await choose(page, "colouring", "gap");
-  await page.check("#touches");
-  await until(page, () => window.selvedge.state.generation === 2 && !window.selvedge.state.busy);
-  await page.click("#drop");
-  await until(page, () => window.selvedge.stage.frame.goals.length === 0);
-  await moved(page, 3);
-  await page.click("#pause");
-  await until(page, () => !window.selvedge.state.running);
-  await wait(4);
+  await fallen(page);
 });
 await shot("table", { size: desk, args: ["tablecloth"] }, fallen);
 await shot("phone", { size: { width: 390, height: 844 }, touch: true, args: ["tablecloth"] }, fallen);
