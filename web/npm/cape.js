@@ -78,7 +78,7 @@ function draw() {
   renderer.render(scene, camera);
 }
 
-report.move = (seconds) => (move(seconds), draw());
+report.move = (seconds, isDrawn = true) => (move(seconds), isDrawn && draw());
 report.positions = () => Array.from(cloth.positions);
 if (location.hash !== "#still") {
   renderer.setAnimationLoop((now) => {

@@ -158,13 +158,14 @@ async function example(name, beside, hash = "") {
 test("a cape on a character walks, hitches and leaps for 600 frames", async (context) => {
   const { shown, errors, end } = await example("cape", ["npm/cape.toml", "../assets/bodies/mannequin.glb"], "#still");
   await shown.waitForFunction(() => globalThis.report?.ready, null, { timeout: 120_000 });
-  const moved = await shown.evaluate(() => {
+  // Software GL takes the processor that a graphics card would spare: UNDRAWN leaves it out, for the times.
+  const moved = await shown.evaluate((isDrawn) => {
     // A hitch of a tenth of a second every hundred frames, and one of a second.
-    for (let k = 0; k < 600; k++) report.move(k === 350 ? 1 : k % 100 === 50 ? 0.1 : 1 / 60);
+    for (let k = 0; k < 600; k++) report.move(k === 350 ? 1 : k % 100 === 50 ? 0.1 : 1 / 60, isDrawn);
     const smooth = report.times.filter((_, k) => k !== 350 && k % 100 !== 50);
     const mean = smooth.reduce((sum, one) => sum + one, 0) / smooth.length;
     return { ...report, worst: Math.max(...smooth), mean, positions: report.positions() };
-  });
+  }, !process.env.UNDRAWN);
   context.diagnostic(`${moved.frames} frames of the cape, ${moved.jumps} leaps: worst ${moved.worst.toFixed(1)} ms, mean ${moved.mean.toFixed(1)} ms`);
   assert.deepEqual(moved.problems, []);
   assert.ok(moved.jumps >= 2 && moved.frames >= 600 && moved.frames < 640);

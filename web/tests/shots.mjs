@@ -15,8 +15,8 @@ async function shot(name, { size, scheme = "light", args = [], touch = false }, 
   const { context, close } = await browser(size, { colorScheme: scheme, hasTouch: touch, deviceScaleFactor: touch ? 2 : 1 });
   const errors = [];
   const page = await open(context, `${served.url}?full`, errors);
-  // Software GL says nothing of how fast a picture is drawn elsewhere.
-  await page.evaluate(() => (document.querySelector("#meters > div").hidden = true));
+  // Software GL says nothing of how fast pictures and steps are elsewhere: of the meters only strain stays.
+  await page.addStyleTag({ content: "#meters > div:not(#trust-box), #slow { display: none }" });
   await act(page);
   await page.screenshot({ path: `${folder}/${name}.png` });
   console.log(name, errors);
@@ -91,6 +91,10 @@ async function fallen(page) {
   await until(page, () => !window.selvedge.state.running);
   await wait(1);
 }
+await shot("gap", { size: desk, args: ["tablecloth"] }, async (page) => {
+  await choose(page, "colouring", "gap");
+  await fallen(page);
+});
 await shot("table", { size: desk, args: ["tablecloth"] }, fallen);
 await shot("phone", { size: { width: 390, height: 844 }, touch: true, args: ["tablecloth"] }, fallen);
 await shot("phone-panel", { size: { width: 390, height: 844 }, scheme: "dark", touch: true }, async (page) => {

@@ -205,7 +205,7 @@ pub enum StepError {
     #[error(
         "frame {frame}: {pair} cannot be kept apart (gap {gap:.1e} m){}: {}{}",
         squeezing(squeezed_by),
-        if squeezed_by.is_empty() { "use more substeps, or move handles and obstacles more slowly and nowhere so close that the cloth has no room" } else { "keep them apart" },
+        if squeezed_by.is_empty() { "use more substeps, or move handles and obstacles more slowly and nowhere so close that the cloth has no room, or teleport the cloth where its handles are set elsewhere at once" } else { "keep them apart" },
         if *may_yield { ", or write contact.squeezed = \"yield\"" } else { "" }
     )]
     Contact {

@@ -109,6 +109,10 @@ impl Stepper for LivePhysics {
 impl LiveStepper for LivePhysics {
     fn changed(&self, influences: &Influences) -> Result<Box<dyn LiveStepper>, LiveError> {
         let mut state = self.simulator.checkpoint();
+        // What holds it, or blows, is another: a cloth that rested does so no more.
+        if let Some(contact) = &mut state.contact {
+            contact.still.clear();
+        }
         if *self.simulator.handles() != influences.handles {
             // Another system: the state before belongs to the old one.
             state.previous = None;

@@ -5,8 +5,10 @@ use std::path::PathBuf;
 
 use glam::DVec3;
 use selvedge::machine::Machine;
-use selvedge_cloth::HandleTargets;
-use selvedge_live::{Influences, LiveError, MeshOrder, Mover, MoverKind, Order, Start, Workshop};
+use selvedge_cloth::{HandleTargets, Handles, Stepper};
+use selvedge_live::{
+    Influences, LiveError, LiveStepper, MeshOrder, Mover, MoverKind, Order, Start, Workshop,
+};
 
 use super::SceneWorkshop;
 
@@ -151,5 +153,45 @@ fn a_cloth_that_nobody_touches_stands_still() {
         let farthest = pairs.map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
         // A rest pose is one to 1e-3 m/s²: half a second of that is 0.1 mm.
         assert!(farthest < 2e-4, "{scene}: {farthest} m");
+    }
+}
+
+/// A cloth that rests wakes when it is dropped, and when a wind begins.
+#[test]
+fn a_cloth_that_rests_falls_when_it_is_dropped_and_flutters_when_a_wind_begins() {
+    let mut workshop = SceneWorkshop::new("default", &[], Machine::Cpu).unwrap();
+    let order = Order {
+        touches: true,
+        ..workshop.first_order()
+    };
+    let ready = workshop.prepare(&order, &mut go_on).unwrap();
+    let held = Influences {
+        handles: ready.cloth.handles().clone(),
+        environment: ready.environment,
+    };
+    let movers = &ready.movers;
+    let physics = MoverKind::Physics;
+    let mut solver = movers.start(physics, Start::Beginning, &held).unwrap();
+    let stay = |solver: &dyn LiveStepper| HandleTargets::at_frame_end(solver.handle_places());
+    for _ in 0..90 {
+        let still = stay(&*solver).unwrap();
+        solver.step(&still).unwrap();
+    }
+    let free = Handles::new(&[], ready.cloth.vertex_count()).unwrap();
+    let dropped = Influences {
+        handles: free,
+        ..held.clone()
+    };
+    let mut blown = held.clone();
+    blown.environment.wind = DVec3::X * 6.0;
+    for changed in [dropped, blown] {
+        let mut moved = solver.changed(&changed).unwrap();
+        for _ in 0..20 {
+            let still = stay(&*moved).unwrap();
+            moved.step(&still).unwrap();
+        }
+        let pairs = solver.positions().iter().zip(moved.positions());
+        let farthest = pairs.map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
+        assert!(farthest > 0.1, "{farthest} m");
     }
 }

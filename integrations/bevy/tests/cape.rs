@@ -3,103 +3,28 @@
 
 use std::time::{Duration, Instant};
 
-use bevy_app::{App, Update};
+use bevy_app::App;
+use bevy_asset::Assets;
 use bevy_ecs::prelude::*;
-use bevy_time::{Time, TimePlugin, TimeUpdateStrategy};
-use bevy_transform::TransformPlugin;
-use bevy_transform::components::Transform;
+use bevy_mesh::{Mesh, Mesh3d};
+use bevy_time::TimeUpdateStrategy;
 use cpu_time::ProcessTime;
 use selvedge::glam::Vec3;
-use selvedge::{Run, Scene};
-use selvedge_bevy::{Cloth, ClothPlugin};
+use selvedge_bevy::Cloth;
 
-/// A bone, by its number in the scene, and the joint at which it turns against the character.
-#[derive(Component)]
-struct Bone {
-    number: usize,
-    joint: [f32; 3],
-}
-
-#[derive(Component)]
-struct Character;
-
-const JOINTS: [[f32; 3]; 5] = [
-    [0.0, 0.95, 0.0],
-    [0.1, 0.9, 0.0],
-    [-0.1, 0.9, 0.0],
-    [0.1, 0.49, 0.0],
-    [-0.1, 0.49, 0.0],
-];
-
-/// Walks along a circle at 1.3 m/s, and leaps to its other side every 200 frames.
-fn walk(
-    time: Res<Time>,
-    mut character: Query<&mut Transform, With<Character>>,
-    mut bones: Query<(&Bone, &mut Transform), Without<Character>>,
-) {
-    let now = time.elapsed_secs();
-    // At first all stand as the scene has them.
-    if now == 0.0 {
-        return;
-    }
-    let angle = 0.65 * now + if (now / 3.3) as u32 % 2 == 1 { 3.0 } else { 0.0 };
-    for mut place in &mut character {
-        *place = Transform::from_xyz(2.0 * angle.sin(), 0.0, 2.0 * angle.cos());
-        place.rotate_y(angle + std::f32::consts::FRAC_PI_2);
-    }
-    let swing = |phase: f32| (5.5 * now + phase).sin();
-    let begun = (now / 0.5).min(1.0);
-    for (bone, mut place) in &mut bones {
-        let side = if bone.number % 2 == 1 { 0.0 } else { std::f32::consts::PI };
-        let lean = begun
-            * match bone.number {
-                0 => 0.05 * swing(0.0),
-                1 | 2 => 0.45 * swing(side),
-                _ => 0.3 * (1.0 + swing(side + 1.0)),
-            };
-        *place = Transform::from_translation(bone.joint.into());
-        place.rotate_x(lean);
-        if bone.number > 2 {
-            // The knee goes with the thigh.
-            let hip = begun * 0.45 * swing(side);
-            place.translation.z -= 0.41 * hip.sin();
-            place.translation.y += 0.41 * (1.0 - hip.cos());
-        }
-    }
-}
-
-const CAPE: &str = include_str!("../../../web/npm/cape.toml");
+#[allow(dead_code, reason = "its main is the example's")]
+#[path = "../examples/cape.rs"]
+mod cape;
 
 fn app(scene: &str) -> (App, Entity) {
-    let mut app = App::new();
-    app.add_plugins((TimePlugin, TransformPlugin, ClothPlugin));
-    #[cfg(feature = "mesh")]
-    app.init_resource::<bevy_asset::Assets<bevy_mesh::Mesh>>();
-    app.add_systems(Update, walk);
-    let world = app.world_mut();
-    let body = world.spawn((Character, Transform::default())).id();
-    let bones: Vec<Entity> = (0..5)
-        .map(|number| {
-            world
-                .spawn((
-                    Bone {
-                        number,
-                        joint: JOINTS[number],
-                    },
-                    Transform::from_translation(JOINTS[number].into()),
-                    ChildOf(body),
-                ))
-                .id()
-        })
-        .collect();
-    let run = Run::new(&Scene::parse(scene).unwrap()).unwrap();
-    let cape = world.spawn(Cloth::new(run, bones[0], &bones)).id();
+    let mut app = cape::app();
+    let cape = cape::dress(app.world_mut(), scene).unwrap();
     (app, cape)
 }
 
 #[test]
 fn a_cape_on_a_walking_character_meets_nothing_in_600_frames() {
-    let (mut app, cape) = app(CAPE);
+    let (mut app, cape) = app(cape::CAPE);
     let mut times = Vec::new();
     for frame in 0..600 {
         // Hitches: a tenth of a second every hundred frames, and a second once.
@@ -134,7 +59,14 @@ fn a_cape_on_a_walking_character_meets_nothing_in_600_frames() {
             cloth.run.frame_warnings()
         );
     }
-    let frames = app.world().get::<Cloth>(cape).unwrap().run.frame();
+    let cloth = app.world().get::<Cloth>(cape).unwrap();
+    let Mesh3d(handle) = app.world().get::<Mesh3d>(cape).unwrap();
+    let mesh = app.world().resource::<Assets<Mesh>>().get(handle).unwrap();
+    let drawn = mesh.attribute(Mesh::ATTRIBUTE_POSITION).unwrap();
+    let expected: Vec<[f32; 3]> = cloth.run.positions().iter().map(|p| p.to_array()).collect();
+    assert_eq!(drawn.as_float3().unwrap(), expected);
+    assert_eq!(mesh.attribute(Mesh::ATTRIBUTE_NORMAL).unwrap().len(), 1000);
+    let frames = cloth.run.frame();
     assert!((600..640).contains(&frames), "{frames}");
     for (k, of) in ["time", "processor time"].iter().enumerate() {
         let worst = times.iter().map(|one| one[k]).max().unwrap();
@@ -146,7 +78,7 @@ fn a_cape_on_a_walking_character_meets_nothing_in_600_frames() {
 #[test]
 fn what_cannot_be_moved_begins_anew_and_is_said() {
     // A cape that is refused where it would only be warned of.
-    let strict = CAPE.replace("start = ", "physics = { max_strain = 0.5 }\nstart = ");
+    let strict = cape::CAPE.replace("start = ", "physics = { max_strain = 0.5 }\nstart = ");
     let (mut app, cape) = app(&strict.replace("vertices = 1000", "vertices = 150"));
     let step = |app: &mut App| {
         app.insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f64(

@@ -121,11 +121,14 @@ impl ContactCounts {
 
 impl Contact {
     /// The pair that is safe for the shortest part, which cannot be kept apart.
-    pub(super) fn unseparated(&self) -> StepError {
+    pub(crate) fn unseparated(&self) -> StepError {
         let earliest = self.ccd.earliest.as_ref();
         StepError::Contact {
             frame: self.next_frame,
-            pair: earliest.map_or_else(String::new, |earliest| self.name(&earliest.pair)),
+            pair: earliest.map_or_else(
+                || "the cloth and what it moves through".to_owned(),
+                |earliest| self.name(&earliest.pair),
+            ),
             gap: earliest.map_or(0.0, |earliest| earliest.gap),
             squeezed_by: self.squeezers(),
             may_yield: self.settings.squeezed == Squeezed::Stop,

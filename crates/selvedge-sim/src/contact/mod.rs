@@ -261,6 +261,11 @@ impl Contact {
         self.candidates.intersections(&self.mesh, &points)
     }
 
+    /// Points of the cloth and of the obstacles.
+    pub(crate) fn point_count(&self) -> usize {
+        self.start.len()
+    }
+
     /// Largest ĝ `[m]`.
     pub(crate) fn largest_thickness(&self) -> f64 {
         self.bodies.most

@@ -17,6 +17,11 @@ use crate::state::State;
 /// while its neighbours go on is strained, and what is strained meets again.
 const BEFORE_HOLDING: u32 = 8;
 
+/// Pairs of features that contact may certify in a frame, for each point of cloth and obstacles. A frame beyond is
+/// refused: what moves as far as that within a frame is to be set there, by
+/// [`teleport`](selvedge_cloth::Stepper::teleport). In the tests the most is 5800.
+const MOST_PAIRS: u64 = 30_000;
+
 /// The frames so far that took more substeps than the scene asks for: edges would have strained too
 /// much, or contact was too much for fewer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -116,16 +121,20 @@ impl Simulator {
         self.enter_frame();
         let asked = self.scene.physics.substeps;
         let most = self.scene.physics.most_substeps();
+        let points = self.contact.as_ref().map_or(0, |c| c.point_count() as u64);
+        let most_pairs = self.pairs() + MOST_PAIRS * points;
+        let limits = (most, most_pairs);
         let mut substeps = asked;
         let finest = loop {
-            let error = match threads.run(|| self.advance_in(substeps, most, targets)) {
+            let error = match threads.run(|| self.advance_in(substeps, limits, targets)) {
                 Ok(finest) => break finest,
                 Err(error) => error,
             };
             self.put_back(FRAME);
             self.check_stop()?;
             let is_strained = matches!(error, StepError::Overstretched { .. });
-            if !(is_strained || self.contact.is_some()) || 2 * substeps > most {
+            let can_help = is_strained || self.contact.is_some();
+            if !can_help || 2 * substeps > most || self.pairs() > most_pairs {
                 return Err(error);
             }
             substeps = if is_strained {
@@ -145,6 +154,12 @@ impl Simulator {
         Ok(())
     }
 
+    /// Pairs that contact has certified since the start, or tried to.
+    fn pairs(&self) -> u64 {
+        let counts = self.contact.as_ref().map(|contact| contact.counts);
+        counts.map_or(0, |c| c.certified + c.halved + c.uncertified)
+    }
+
     /// Fails if someone wants to stop.
     fn check_stop(&self) -> Result<(), StepError> {
         let frame = self.frame + 1;
@@ -152,12 +167,13 @@ impl Simulator {
     }
 
     /// Moves the state by a frame in `substeps` substeps, of which one is halved, and halves of it
-    /// again, where contact is too much for it. Returns how many of the shortest make a frame. On
-    /// an error the state is unusable.
+    /// again, where contact is too much for it, to `most` a frame, while contact has certified fewer
+    /// than `most_pairs`. Returns how many of the shortest make a frame. On an error the state is
+    /// unusable.
     fn advance_in(
         &mut self,
         substeps: u32,
-        most: u32,
+        (most, most_pairs): (u32, u64),
         targets: &HandleTargets,
     ) -> Result<u32, StepError> {
         if let Some(contact) = &mut self.contact {
@@ -172,6 +188,9 @@ impl Simulator {
         let (mut done, mut parts) = (0, substeps);
         while done < parts {
             self.check_stop()?;
+            if let Some(contact) = self.contact.as_ref().filter(|_| self.pairs() > most_pairs) {
+                return Err(contact.unseparated());
+            }
             let dt = 1.0 / self.scene.frame_rate / f64::from(parts);
             let fraction = f64::from(done + 1) / f64::from(parts);
             let reached = &self.reached;

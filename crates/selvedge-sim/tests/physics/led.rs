@@ -2,12 +2,12 @@
 
 use glam::{DQuat, DVec3};
 use selvedge_cloth::{
-    ContactSettings, Correctable, GeneralisedAlpha, HandleTargets, Integrator, LinearSolver, Rigid,
-    Scene, StepError, Stepper,
+    ContactSettings, Correctable, GeneralisedAlpha, HandleTargets, Handles, Integrator,
+    LinearSolver, Rigid, Scene, StepError, Stepper,
 };
-use selvedge_sim::{Checkpoint, FAR, Simulator};
+use selvedge_sim::{Checkpoint, ContactCounts, FAR, Simulator};
 
-use crate::scenes::{hanging, momentum, steps, still};
+use crate::scenes::{by_default, hanging, momentum, steps, still};
 use crate::touching::{led, lying, none, sphere};
 
 /// A hanging sheet beside a ball of 0.1 m that stands 0.3 m before it.
@@ -185,4 +185,47 @@ fn a_cloth_that_is_set_elsewhere_with_its_body_moves_on_as_it_would_have() {
     let far = there.teleport((DVec3::X * f64::NAN).into(), &[]);
     assert!(matches!(far, Err(StepError::NonFinite { .. })), "{far:?}");
     assert_eq!(there.positions_f64(), before);
+}
+
+/// Handles that jump far within a frame: the search for a way ends after a bounded number of pairs, the error
+/// says what helps, and that does help.
+#[test]
+fn a_leap_ends_after_a_bounded_search() {
+    let side = 16;
+    let count = (side * side) as u64;
+    let mut scene = by_default(side);
+    let upper: Vec<u32> = (0..side as u32).collect();
+    scene.handles = Handles::new(&upper, side * side).unwrap();
+    scene.contact = Some(ContactSettings::default());
+    let mut simulator = Simulator::new(&scene).unwrap();
+    steps(&mut simulator, &still(&scene), 5);
+    let mut refused = 0;
+    for leap in [DVec3::X * 12.0, DVec3::new(9.0, 3.0, 3.0), DVec3::Z * 12.0] {
+        let before = simulator.snapshot().unwrap();
+        let began = simulator.stats().contact;
+        let places = simulator.handle_places();
+        let there = places.iter().map(|place| *place + leap).collect();
+        let moved = simulator.step(&HandleTargets::at_frame_end(there).unwrap());
+        let pairs = |c: ContactCounts| c.certified + c.halved + c.uncertified;
+        let pairs = pairs(simulator.stats().contact) - pairs(began);
+        assert!(pairs < 40_000 * count, "{leap}: {}", pairs / count);
+        if let Err(error) = moved {
+            assert_eq!(simulator.handle_places(), places);
+            assert!(error.to_string().contains("teleport the cloth"), "{error}");
+            refused += 1;
+        }
+        simulator.rewind(&before).unwrap();
+        simulator.teleport(leap.into(), &[]).unwrap();
+        steps_in_place(&mut simulator, 2);
+        simulator.rewind(&before).unwrap();
+    }
+    assert!(refused > 0);
+}
+
+/// Steps with the handles where they are.
+fn steps_in_place(simulator: &mut Simulator, frames: usize) {
+    for _ in 0..frames {
+        let held = HandleTargets::at_frame_end(simulator.handle_places()).unwrap();
+        simulator.step(&held).unwrap();
+    }
 }
