@@ -52,7 +52,7 @@ pub(crate) fn pack_gates<T: Real>(
     out: &mut [T],
 ) {
     let [_, (_, hidden)] = matrices;
-    let lanes = instructions.run(LaneCount::<T>::default());
+    let lanes = T::run(instructions, LaneCount::<T>::default());
     let mut rows = out.chunks_exact_mut(3 * lanes);
     for first in (0..hidden).step_by(lanes) {
         for (weight, count) in matrices {
@@ -80,7 +80,7 @@ pub(crate) fn pack_biases<T: Real>(
     out: &mut [T],
 ) {
     let hidden = input.len() / 3;
-    let lanes = instructions.run(LaneCount::<T>::default());
+    let lanes = T::run(instructions, LaneCount::<T>::default());
     let vectors = out.chunks_exact_mut(4 * lanes);
     for (number, vector) in vectors.take(hidden.div_ceil(lanes)).enumerate() {
         for lane in 0..lanes {
@@ -102,7 +102,7 @@ pub(crate) fn pack_biases<T: Real>(
 pub(crate) fn gru_step<T: Real>(instructions: Instructions, step: GruStep<'_, T>) {
     let rows = step.after.len() / step.hidden;
     assert_eq!(step.input.len(), rows * step.inputs, "rows of an input");
-    instructions.run(step);
+    T::run(instructions, step);
 }
 
 impl<T: Real> WithSimd for GruStep<'_, T> {

@@ -50,10 +50,13 @@ pub(crate) fn pack<T: Real>(
 ) {
     let (depth, columns) = (slot.depth, slot.columns);
     let out = slot.of_mut(all);
-    let lanes = instructions.run(LaneCount::<T>::default());
+    let lanes = T::run(instructions, LaneCount::<T>::default());
     let mut first = 0;
     while first < columns {
-        let vectors = instructions.run(PanelVectors((columns - first).div_ceil(lanes)));
+        let vectors = T::run(
+            instructions,
+            PanelVectors((columns - first).div_ceil(lanes)),
+        );
         let width = vectors * lanes;
         let panel = &mut out[depth * first..][..depth * width];
         for j in 0..width {
@@ -184,12 +187,15 @@ pub(crate) fn multiply<T: Real>(
         let found = term.rows.rows.len();
         assert_eq!(found, rows * term.rows.stride, "rows of a product");
     }
-    instructions.run(Product {
-        terms,
-        columns,
-        epilogue,
-        out,
-    });
+    T::run(
+        instructions,
+        Product {
+            terms,
+            columns,
+            epilogue,
+            out,
+        },
+    );
 }
 
 struct Product<'a, T> {

@@ -37,12 +37,15 @@ pub(crate) fn layer_norm<T: Real>(
     shift: &[T],
     out: Normalised<'_, T>,
 ) {
-    instructions.run(Norm {
-        rows,
-        weight,
-        shift,
-        out,
-    });
+    T::run(
+        instructions,
+        Norm {
+            rows,
+            weight,
+            shift,
+            out,
+        },
+    );
 }
 
 struct Norm<'a, T> {

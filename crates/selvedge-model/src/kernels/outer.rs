@@ -31,7 +31,7 @@ pub(crate) fn add_outer<T: Real>(
         right.rows.len() * left.stride,
         "rows that belong together"
     );
-    instructions.run(Outer { to, left, right });
+    T::run(instructions, Outer { to, left, right });
 }
 
 struct Outer<'a, T> {

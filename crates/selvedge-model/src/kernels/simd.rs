@@ -66,6 +66,9 @@ pub trait Lanes: Copy + 'static {
     /// A vector of the instruction set `S`.
     type Vector<S: Simd>: Copy;
 
+    /// Runs a kernel on numbers of this type, compiled for these instructions; in f64, which proves
+    /// derivatives and need not be fast, for the plain ones.
+    fn run<K: WithSimd>(instructions: Instructions, kernel: K) -> K::Output;
     /// Numbers in a vector.
     fn lanes<S: Simd>() -> usize;
     /// The same number in every lane.
@@ -189,6 +192,10 @@ impl Lanes for f32 {
     }
 
     #[inline(always)]
+    fn run<K: WithSimd>(instructions: Instructions, kernel: K) -> K::Output {
+        instructions.run(kernel)
+    }
+    #[inline(always)]
     fn sigmoids<S: Simd>(simd: S, a: S::f32s) -> S::f32s {
         let one = simd.splat_f32s(1.0);
         let below = simd.add_f32s(one, exps(simd, simd.sub_f32s(simd.splat_f32s(0.0), a)));
@@ -211,6 +218,10 @@ impl Lanes for f64 {
         [greater_than_f64s, transmute_u64s_f64s, transmute_f64s_u64s, select_u64s]
     }
 
+    #[inline(always)]
+    fn run<K: WithSimd>(_: Instructions, kernel: K) -> K::Output {
+        kernel.with_simd(Scalar)
+    }
     #[inline(always)]
     fn sigmoids<S: Simd>(simd: S, a: S::f64s) -> S::f64s {
         each_lane(simd, a, |x| 1.0 / (1.0 + (-x).exp()))
