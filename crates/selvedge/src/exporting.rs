@@ -1,5 +1,5 @@
 //! Trajectories as files of other programs: which format a name asks for, checked before any work,
-//! and the work. Numbers are written by `selvedge-data`, pictures are drawn here ([`film`]).
+//! and the work. Numbers are written by `selvedge-data`, pictures are drawn here ([`crate::film`]).
 
 use std::path::{Path, PathBuf};
 
