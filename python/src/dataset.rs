@@ -14,7 +14,7 @@ use selvedge_lab::generation::{self, Order};
 
 use crate::errors::{raised, wrong};
 use crate::json;
-use crate::long::told_beside;
+use crate::long::beside_reporting;
 use crate::pickling::{self, Call};
 use crate::trajectory::Trajectory;
 
@@ -62,7 +62,7 @@ impl Dataset {
         threads: Option<usize>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Self> {
-        told_beside(py, progress, |_, teller| {
+        beside_reporting(py, progress, |_, reporter| {
             let preset = DatasetPreset::open(&preset.to_string_lossy()).map_err(raised)?;
             for warning in preset.warnings() {
                 tracing::warn!("{warning}");
@@ -72,7 +72,7 @@ impl Dataset {
                 folder: &folder,
                 part: None,
             };
-            let made = generation::generate(order, threads, &mut |event| teller.hear(event));
+            let made = generation::generate(order, threads, &mut |event| reporter.on_event(event));
             made.map_err(raised)
         })??;
         Self::new(py, folder)

@@ -19,7 +19,7 @@ use crate::dataset::{Data, split_named};
 use crate::errors::{raised, wrong};
 use crate::guarding;
 use crate::json as python;
-use crate::long::told_beside;
+use crate::long::beside_reporting;
 use crate::model::Model;
 
 /// The outcome of an evaluation.
@@ -148,8 +148,8 @@ pub(crate) fn evaluate(
         threads,
     };
     check(&plan, are_asked).map_err(|error| wrong(error.to_string()))?;
-    let measured = told_beside(py, progress, |_, teller| {
-        measure(&plan, &mut |event| teller.hear(event))
+    let measured = beside_reporting(py, progress, |_, reporter| {
+        measure(&plan, &mut |event| reporter.on_event(event))
     })?;
     let (outcome, end) = measured.map_err(raised)?;
     Ok(Evaluation {

@@ -7,7 +7,7 @@ use selvedge_data::export::{ExportOptions, FrameSpan, export};
 use selvedge_data::{Trajectory, UpAxis};
 
 use crate::errors::{raised, wrong};
-use crate::long::told_beside;
+use crate::long::beside_reporting;
 
 /// Options of an export to `path`, whose name says the format.
 ///
@@ -50,9 +50,9 @@ pub(crate) fn export_to(
         .frames
         .of(trajectory.frame_count())
         .map_err(raised)?;
-    let written = told_beside(py, progress, |_, teller| {
-        teller.begin("writing", Some(frames.len() as u64));
-        export(trajectory, path, options, &mut || teller.advance())
+    let written = beside_reporting(py, progress, |_, reporter| {
+        reporter.begin("writing", Some(frames.len() as u64));
+        export(trajectory, path, options, &mut || reporter.advance())
     })?;
     written.map(drop).map_err(raised)
 }

@@ -22,6 +22,7 @@ mod pickling;
 mod picture;
 mod rollout;
 mod scene;
+mod simulator;
 mod stepper;
 mod training;
 mod trajectory;
@@ -43,7 +44,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<scene::Scene>()?;
     module.add_class::<stepper::Snapshot>()?;
     module.add_class::<stepper::Stepper>()?;
-    module.add_class::<stepper::Simulator>()?;
+    module.add_class::<simulator::Simulator>()?;
     module.add_class::<stepper::LearnedStepper>()?;
     module.add_class::<stepper::PlaybackStepper>()?;
     module.add_class::<stepper::RigidStepper>()?;

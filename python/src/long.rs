@@ -96,14 +96,14 @@ pub(crate) fn beside<R: Send>(
 }
 
 /// [`beside`] for work that tells `progress` how far it is, and hears of the wish to stop.
-pub(crate) fn told_beside<R: Send>(
+pub(crate) fn beside_reporting<R: Send>(
     py: Python<'_>,
     progress: Option<Py<PyAny>>,
     work: impl FnOnce(&Stop, &mut Progress<'_>) -> R + Send,
 ) -> PyResult<R> {
     let stop = Stop::default();
-    let mut teller = Progress::new(progress, &stop);
-    beside(py, &stop, || work(&stop, &mut teller))
+    let mut reporter = Progress::new(progress, &stop);
+    beside(py, &stop, || work(&stop, &mut reporter))
 }
 
 /// A callback of Python that hears of progress; none where nobody listens.
@@ -148,7 +148,7 @@ impl<'a> Progress<'a> {
     }
 
     /// Hears an event of the laboratory.
-    pub(crate) fn hear(&mut self, event: Event<'_>) -> ControlFlow<()> {
+    pub(crate) fn on_event(&mut self, event: Event<'_>) -> ControlFlow<()> {
         match event {
             Event::Begun { task, goal, .. } => {
                 let goal = match goal {

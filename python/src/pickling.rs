@@ -14,7 +14,7 @@ use selvedge_model::Model as Trained;
 use crate::errors::raised;
 use crate::model::Model;
 use crate::scene::{Material, Mesh, Scene};
-use crate::stepper::_simulator;
+use crate::simulator::_simulator;
 use crate::trajectory::Trajectory;
 
 /// Adds the functions to the module.

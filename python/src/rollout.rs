@@ -15,10 +15,10 @@ use crate::arrays::Numbers;
 use crate::errors::raised;
 use crate::guarding;
 use crate::json;
-use crate::long::{Progress, Stop, told_beside};
+use crate::long::{Progress, Stop, beside_reporting};
 use crate::model::Model;
 use crate::scene::Scene;
-use crate::stepper::{begin, state_at};
+use crate::simulator::{begin, state_at};
 use crate::trajectory::Trajectory;
 
 /// A model's run, with the guard's word on every frame.
@@ -110,8 +110,8 @@ pub(crate) fn simulate(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Trajectory> {
     let given = state_at(positions.as_ref(), velocities.as_ref())?;
-    let made = told_beside(py, progress, |stop, teller| {
-        let mut run = begin(scene, given, teller)?;
+    let made = beside_reporting(py, progress, |stop, reporter| {
+        let mut run = begin(scene, given, reporter)?;
         for warning in run.start_warnings() {
             tracing::warn!("{warning}");
         }
@@ -119,7 +119,7 @@ pub(crate) fn simulate(
             Some(frames) => frames,
             None => run.frames_left().map_err(raised)?,
         };
-        simulated(&mut run, frames, "simulating", stop, teller).map(|made| made.0)
+        simulated(&mut run, frames, "simulating", stop, reporter).map(|made| made.0)
     })??;
     Trajectory::of(py, made)
 }
@@ -153,8 +153,8 @@ pub(crate) fn rollout(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Rollout> {
     let guard = guarding::settings(guard)?;
-    let made = told_beside(py, progress, |stop, teller| {
-        roll(scene, model, frames, guard, truth, stop, teller)
+    let made = beside_reporting(py, progress, |stop, reporter| {
+        roll(scene, model, frames, guard, truth, stop, reporter)
     })??;
     let truth = made.truth.map(|truth| Trajectory::of(py, truth));
     let truth = truth.transpose()?.map(|truth| Py::new(py, truth));
@@ -176,7 +176,7 @@ fn roll(
     guard: Correction,
     has_truth: bool,
     stop: &Stop,
-    teller: &mut Progress<'_>,
+    reporter: &mut Progress<'_>,
 ) -> PyResult<Made> {
     let built = scene.run.built();
     let frames = match frames {
@@ -190,24 +190,24 @@ fn roll(
         machine: &Machine::Cpu,
         guard,
     };
-    let run = Run::begin_model(&scene.run, network, &mut |event| teller.hear(event));
+    let run = Run::begin_model(&scene.run, network, &mut |event| reporter.on_event(event));
     let mut run = run.map_err(raised)?;
     for warning in run.start_warnings() {
         tracing::warn!("{}: {warning}", built.name);
     }
     let mut log = Vec::new();
     run.stop_by(stop.flag().into());
-    teller.begin("predicting", Some(frames as u64));
+    reporter.begin("predicting", Some(frames as u64));
     let made = physics::simulate(&mut run, frames, false, &mut |now| {
         log.extend(now.trust());
-        teller.advance()
+        reporter.advance()
     });
     let (made, _) = made.whole().map_err(raised)?;
     let (mut end, mut truth) = (made.end, None);
     if has_truth && end == End::Complete {
         let mut solver = Run::new(run.scene()).map_err(raised)?;
         let what = "simulating the truth";
-        let (trajectory, reached) = simulated(&mut solver, frames, what, stop, teller)?;
+        let (trajectory, reached) = simulated(&mut solver, frames, what, stop, reporter)?;
         (truth, end) = (Some(trajectory), reached);
     }
     Ok(Made {
@@ -227,11 +227,11 @@ fn simulated(
     frames: usize,
     what: &str,
     stop: &Stop,
-    teller: &mut Progress<'_>,
+    reporter: &mut Progress<'_>,
 ) -> PyResult<(Recorded, End)> {
     run.stop_by(stop.flag().into());
-    teller.begin(what, Some(frames as u64));
-    let made = physics::simulate(run, frames, false, &mut |_| teller.advance());
+    reporter.begin(what, Some(frames as u64));
+    let made = physics::simulate(run, frames, false, &mut |_| reporter.advance());
     let (made, _) = Simulated::whole(made).map_err(raised)?;
     Ok((run.trajectory(made.positions).map_err(raised)?, made.end))
 }

@@ -19,7 +19,7 @@ use selvedge_sim::SaggedRest;
 use crate::arrays::{self, Numbers};
 use crate::errors::{raised, wrong};
 use crate::json;
-use crate::long::{Progress, told_beside};
+use crate::long::{Progress, beside_reporting};
 use crate::pickling::{self, Call};
 
 /// A mesh of triangles with its material coordinates, before anything moves it.
@@ -297,8 +297,8 @@ impl Scene {
     }
 
     /// The rest pose, found once. Long work: the lock must be released.
-    pub(crate) fn found_rest(&self, teller: &mut Progress<'_>) -> PyResult<Arc<SaggedRest>> {
-        let found = self.run.rest_pose(&mut |event| teller.hear(event));
+    pub(crate) fn found_rest(&self, reporter: &mut Progress<'_>) -> PyResult<Arc<SaggedRest>> {
+        let found = self.run.rest_pose(&mut |event| reporter.on_event(event));
         found.map_err(raised)
     }
 
@@ -477,7 +477,7 @@ impl Scene {
         py: Python<'py>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let found = told_beside(py, progress, |_, teller| self.found_rest(teller))??;
+        let found = beside_reporting(py, progress, |_, reporter| self.found_rest(reporter))??;
         arrays::of_f64(py, &found.positions)
     }
 

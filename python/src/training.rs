@@ -109,7 +109,7 @@ pub(crate) fn train<'py>(
         },
     };
     let stop = Stop::default();
-    let mut teller = Progress::new(progress, &stop);
+    let mut reporter = Progress::new(progress, &stop);
     let hear = |report: &StepReport| {
         if let Some(on_step) = &on_step {
             call(on_step, &stop, |py| {
@@ -119,7 +119,9 @@ pub(crate) fn train<'py>(
         }
         stop.flow()
     };
-    let done = beside(py, &stop, || learn(&asked, data, &stop, &hear, &mut teller))??;
+    let done = beside(py, &stop, || {
+        learn(&asked, data, &stop, &hear, &mut reporter)
+    })??;
     let report = PyDict::new(py);
     report.set_item("steps_done", done.steps_done)?;
     report.set_item("steps", done.steps)?;
@@ -179,7 +181,7 @@ fn learn(
     data: &Dataset,
     stop: &Stop,
     hear: &dyn Fn(&StepReport) -> ControlFlow<()>,
-    teller: &mut Progress<'_>,
+    reporter: &mut Progress<'_>,
 ) -> PyResult<Done> {
     let origin = Path::new(asked.origin);
     let mut cfg = TrainConfig::parse_with(&asked.text, origin, &asked.settings).map_err(raised)?;
@@ -189,7 +191,7 @@ fn learn(
     let steps = cfg.steps;
     let _claimed = folder::claim_folder(asked.out, FolderKind::Training).map_err(raised)?;
     let checkpoint = check_folder(asked)?;
-    let Some(mut trainer) = begin(asked, cfg, data, &checkpoint, teller)? else {
+    let Some(mut trainer) = begin(asked, cfg, data, &checkpoint, reporter)? else {
         return Ok(Done {
             end: RunEnd::Stopped,
             steps_done: 0,
@@ -198,10 +200,10 @@ fn learn(
         });
     };
     trainer.stop_by(stop.flag().into());
-    teller.begin("training", Some(steps - trainer.steps_done().min(steps)));
+    reporter.begin("training", Some(steps - trainer.steps_done().min(steps)));
     let end = selvedge_train::run(&mut trainer, asked.out, asked.limits, &mut |step| {
         // Whoever wants to stop is heard below, too.
-        let _ = teller.advance();
+        let _ = reporter.advance();
         hear(step)
     });
     Ok(Done {
@@ -218,7 +220,7 @@ fn begin(
     cfg: TrainConfig,
     data: &Dataset,
     checkpoint: &Path,
-    teller: &mut Progress<'_>,
+    reporter: &mut Progress<'_>,
 ) -> PyResult<Option<Trainer>> {
     let data = &data.inner;
     let engine = machine::engine(&Machine::Cpu, asked.micro_batch);
@@ -227,13 +229,15 @@ fn begin(
         (Some(from), false) => {
             let model = from.model()?;
             let from = Some(&*model.model);
-            training::begin(from, cfg, data, &*engine, &mut |event| teller.hear(event))
-                .map_err(raised)?
+            training::begin(from, cfg, data, &*engine, &mut |event| {
+                reporter.on_event(event)
+            })
+            .map_err(raised)?
         }
-        (None, false) => {
-            training::begin(None, cfg, data, &*engine, &mut |event| teller.hear(event))
-                .map_err(raised)?
-        }
+        (None, false) => training::begin(None, cfg, data, &*engine, &mut |event| {
+            reporter.on_event(event)
+        })
+        .map_err(raised)?,
     };
     if let Some(trainer) = &mut trainer {
         training::with_expert(trainer, data).map_err(raised)?;

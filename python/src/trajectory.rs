@@ -17,7 +17,7 @@ use crate::arrays::{self, Numbers};
 use crate::errors::{raised, wrong};
 use crate::exporting;
 use crate::json;
-use crate::long::told_beside;
+use crate::long::beside_reporting;
 use crate::pickling::{self, Call};
 use crate::picture::Picture;
 
@@ -266,11 +266,11 @@ impl Trajectory {
         let title = self.name();
         let show = self.show(&title, truth);
         let count = pictures::clip_pictures(&self.inner);
-        told_beside(py, progress, |_, teller| {
-            teller.begin("drawing the clip", Some(count as u64));
+        beside_reporting(py, progress, |_, reporter| {
+            reporter.begin("drawing the clip", Some(count as u64));
             let mut gif = Vec::new();
-            // A clip that was stopped is told by `told_beside`.
-            let _ = pictures::clip(&mut gif, &show, &mut || teller.advance()).map_err(raised)?;
+            // A clip that was stopped is told by `beside_reporting`.
+            let _ = pictures::clip(&mut gif, &show, &mut || reporter.advance()).map_err(raised)?;
             write_atomically(&path, |out| out.write_all(&gif)).map_err(raised)
         })?
     }

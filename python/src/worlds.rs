@@ -10,9 +10,10 @@ use selvedge::{HandleTargets, Run, Stepper as _, step_all};
 
 use crate::arrays::{self, Numbers};
 use crate::errors::{raised, step_failed, wrong};
-use crate::long::{Progress, told_beside};
+use crate::long::{Progress, beside_reporting};
 use crate::scene::Scene;
-use crate::stepper::{Snapshot, begin, impulses_of, rigid_of};
+use crate::simulator::begin;
+use crate::stepper::{Snapshot, impulses_of, rigid_of};
 
 /// Worlds of the physics, one for each of `scenes`, that move side by side on the processor's threads;
 /// their cloths have the same number of vertices and of handles, and their scenes of bodies.
@@ -76,8 +77,8 @@ impl Worlds {
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Self> {
         let own: Vec<&Scene> = scenes.iter().map(Bound::get).collect();
-        let runs = told_beside(py, progress, |_, teller: &mut Progress<'_>| {
-            let made = own.iter().map(|scene| begin(scene, None, teller));
+        let runs = beside_reporting(py, progress, |_, reporter: &mut Progress<'_>| {
+            let made = own.iter().map(|scene| begin(scene, None, reporter));
             made.collect::<PyResult<Vec<Run>>>()
         })??;
         let size = |run: &Run| {

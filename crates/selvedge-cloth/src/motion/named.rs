@@ -15,7 +15,7 @@ use super::pace::Pace;
 use super::written::{Block, Motion, Rotation, Translation, TurnSense};
 
 /// What `named.json` has: moves that a training or test motion repeats, there and back, and blocks.
-#[derive(Default, Deserialize)]
+#[derive(Deserialize)]
 struct Catalogue {
     training: Vec<(String, Move)>,
     test: Vec<(String, Move)>,
@@ -31,9 +31,10 @@ enum Move {
     About(f64, TurnSense),
 }
 
-/// The file is tested to be right.
-static CATALOGUE: LazyLock<Catalogue> =
-    LazyLock::new(|| serde_json::from_str(include_str!("named.json")).unwrap_or_default());
+static CATALOGUE: LazyLock<Catalogue> = LazyLock::new(|| {
+    serde_json::from_str(include_str!("named.json"))
+        .expect("the embedded motions, which tests read")
+});
 
 /// The name of no motion at all, for ten seconds.
 const STILL: &str = "still";

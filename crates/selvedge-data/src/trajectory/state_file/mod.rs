@@ -199,7 +199,9 @@ impl StateRun {
         tensors.push(TensorOut::new(PAIRS[0][2], &[states.len()], frames));
         if states.iter().any(|state| state.contact.is_some()) {
             let memories: Vec<_> = states.iter().map(|state| &state.contact).collect();
-            let text = serde_json::to_vec(&memories).unwrap_or_default();
+            let text = serde_json::to_vec(&memories);
+            let text =
+                text.map_err(|error| WriteError::when(path, "write the contact")(error.into()))?;
             let shape = [text.len()];
             tensors.push(TensorOut::new(
                 CONTACT,
