@@ -184,16 +184,15 @@ impl<W: Write + Seek> CrateOut<'_, W> {
             let applied = self.tokens(Kind::TokenListOp, &[PREPENDED], applies)?;
             fields.insert("apiSchemas", applied);
         }
-        let properties = prim.properties.iter().map(|property| property.name);
-        let children = prim.children.iter().map(|child| child.name.as_str());
-        for (field, names) in [
-            ("properties", properties.collect::<Vec<&str>>()),
-            ("primChildren", children.collect()),
-        ] {
-            if !names.is_empty() {
-                let names = self.tokens(Kind::TokenVector, &[], names.into_iter())?;
-                fields.insert(field, names);
-            }
+        if !prim.properties.is_empty() {
+            let names = prim.properties.iter().map(|property| property.name);
+            let names = self.tokens(Kind::TokenVector, &[], names)?;
+            fields.insert("properties", names);
+        }
+        if !prim.children.is_empty() {
+            let names = prim.children.iter().map(|child| child.name.as_str());
+            let names = self.tokens(Kind::TokenVector, &[], names)?;
+            fields.insert("primChildren", names);
         }
         self.tables.spec(&path, Spec::Prim, &fields);
         for property in &prim.properties {
