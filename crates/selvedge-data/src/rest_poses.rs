@@ -54,11 +54,6 @@ impl RestPoseFolder {
         }
     }
 
-    /// The folder.
-    pub fn path(&self) -> &Path {
-        &self.folder
-    }
-
     /// The pose of `vertices` vertices that was kept as `content`, any text that tells what decides
     /// it; none if there is none.
     ///
