@@ -210,7 +210,7 @@ mod tests {
     }
 
     fn files(folder: &RestPoseFolder) -> Vec<PathBuf> {
-        let entries = fs::read_dir(folder.path()).unwrap();
+        let entries = fs::read_dir(&folder.folder).unwrap();
         entries.map(|entry| entry.unwrap().path()).collect()
     }
 
