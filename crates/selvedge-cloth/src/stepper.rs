@@ -299,25 +299,6 @@ impl StepError {
             | Self::EndOfRecording { frame, .. } => frame,
         }
     }
-
-    /// The same error with another frame number.
-    #[must_use]
-    pub fn at_frame(mut self, number: usize) -> Self {
-        match &mut self {
-            Self::Handles { frame, .. }
-            | Self::NonFinite { frame, .. }
-            | Self::Solve { frame, .. }
-            | Self::Contact { frame, .. }
-            | Self::Intersections { frame, .. }
-            | Self::Rounded { frame, .. }
-            | Self::Overstretched { frame, .. }
-            | Self::Device { frame, .. }
-            | Self::Stopped { frame }
-            | Self::Snapshot { frame }
-            | Self::EndOfRecording { frame, .. } => *frame = number,
-        }
-        self
-    }
 }
 
 /// Checks that `targets` has one target per handle of `stepper`, which is about to step.

@@ -54,11 +54,6 @@ impl RestPoseFolder {
         }
     }
 
-    /// The folder.
-    pub fn path(&self) -> &Path {
-        &self.folder
-    }
-
     /// The pose of `vertices` vertices that was kept as `content`, any text that tells what decides
     /// it; none if there is none.
     ///
@@ -215,7 +210,7 @@ mod tests {
     }
 
     fn files(folder: &RestPoseFolder) -> Vec<PathBuf> {
-        let entries = fs::read_dir(folder.path()).unwrap();
+        let entries = fs::read_dir(&folder.folder).unwrap();
         entries.map(|entry| entry.unwrap().path()).collect()
     }
 

@@ -290,7 +290,8 @@ pub struct Schedule {
 
 impl Schedule {
     /// The number of launches.
-    pub fn launches(&self) -> usize {
+    #[cfg(test)]
+    pub(crate) fn launches(&self) -> usize {
         self.launches.len()
     }
 }

@@ -156,7 +156,8 @@ impl Passes {
     }
 
     /// The number of launches of a forward pass.
-    pub fn launches(&self) -> usize {
+    #[cfg(test)]
+    pub(crate) fn launches(&self) -> usize {
         self.frames[0].forward.launches()
     }
 

@@ -88,16 +88,6 @@ impl Rollout {
         })
     }
 
-    /// The model that moves the cloths.
-    pub fn model(&self) -> &Arc<Model> {
-        &self.model
-    }
-
-    /// The number of launches of a frame.
-    pub fn launches(&self) -> usize {
-        self.passes.launches()
-    }
-
     /// A cloth.
     ///
     /// # Panics
@@ -168,11 +158,6 @@ impl GpuStepper {
         start: &[&[Vec3]],
     ) -> Result<Self, OpeningError> {
         Rollout::new(gpu, model, vec![Opening { graph, start }]).map(Self)
-    }
-
-    /// The model that moves the cloth.
-    pub fn model(&self) -> &Model {
-        self.0.model()
     }
 }
 

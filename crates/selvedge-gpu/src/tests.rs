@@ -5,12 +5,15 @@ use std::sync::Arc;
 
 use selvedge_model::{
     Connectivity, Dropout, EdgeFeature, Encoder, Gradients, Input, InputGradient, Instructions,
-    ModelSpec, Network, NetworkScalar, Pass, Purpose, Window, Workspace, reference,
+    ModelSpec, Network, NetworkScalar, Pass, Purpose, Window, Workspace,
 };
 
 use crate::gpu::Gpu;
 use crate::passes::{Passes, Training};
 use crate::test_graphs::{gpu, numbers, specs, squares, weights};
+
+#[path = "../../selvedge-model/tests/model/reference.rs"]
+mod reference;
 
 /// Numbers that two engines are given.
 struct Given {

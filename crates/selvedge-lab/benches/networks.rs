@@ -130,7 +130,11 @@ fn measure(spec: &ModelSpec, graph: &Connectivity, settings: &BTreeMap<&str, Str
             *to = scale * (x - y);
         }
         gradient.fill(0.0);
-        let gradients = Gradients::new(&by_output, &mut gradient);
+        let gradients = Gradients {
+            output: &by_output,
+            weights: &mut gradient,
+            input: None,
+        };
         let back = network.backward_packed(&packed, graph, input, gradients, &mut workspace);
         back.unwrap();
         adam.step(&mut learned, &gradient, 1e-5);

@@ -136,16 +136,8 @@ impl FabricBounds {
 }
 
 impl Domain {
-    /// The domain of `frames` frames of a scene's motion.
-    ///
-    /// # Errors
-    /// A motion that cannot drive the handles.
-    pub fn of_scene(scene: &Scene, frames: usize) -> Result<Self, SceneError> {
-        Self::by_frame(scene, frames, |_| {})
-    }
-
-    /// As [`Self::of_scene`], with a call for the domain of every frame alone, the one after the
-    /// start first.
+    /// The domain of `frames` frames of a scene's motion, with a call for the domain of every frame
+    /// alone, the one after the start first.
     ///
     /// # Errors
     /// A motion that cannot drive the handles.
@@ -211,17 +203,6 @@ impl Domain {
             Some(domain) => serde_json::from_value(domain.take()).map(Some),
             None => Ok(None),
         }
-    }
-
-    /// The account `training` with this domain in it.
-    pub(crate) fn write_into(&self, training: &str) -> String {
-        let account = serde_json::from_str::<serde_json::Value>(training);
-        let mut account = match account {
-            Ok(account) if account.is_object() => account,
-            _ => serde_json::json!({ "note": training }),
-        };
-        account[ACCOUNT_KEY] = serde_json::json!(self);
-        account.to_string()
     }
 
     /// Widens the domain of all motions so far, if there were any, by that of another one.

@@ -61,8 +61,9 @@
 //!
 //! # The network by itself
 //!
-//! A [`Network`] is a layout without weights; weights are one flat array. [`mod@reference`] is the
-//! same network as its equations are written, in `f64`, and the place to read first.
+//! A [`Network`] is a layout without weights; weights are one flat array.
+//! `tests/model/reference.rs` is the same network as its equations are written, in `f64`, and the place
+//! to read first.
 //!
 //! # Limits
 //!
@@ -94,7 +95,6 @@ pub use kernels::real::Real;
 pub use kernels::simd::Instructions;
 pub use network::packed::{PackedWeights, Purpose};
 pub use network::parameters::{Parameter, Start};
-pub use network::reference;
 pub use network::workspace::Workspace;
 pub use network::{Gradients, Input, InputGradient, Network, NetworkScalar, Pass, Stopped};
 pub use rollout::{

@@ -58,8 +58,11 @@ mod tests {
     /// The shipped model as if it had been trained on five frames of a scene.
     fn trained_on(scene: &Scene) -> Model {
         let model = crate::Model::open(Some("paper".as_ref())).unwrap().model;
-        let domain = Domain::of_scene(scene, 5).unwrap();
-        Model::clone(&model).with_domain(&domain)
+        let domain = Domain::by_frame(scene, 5, |_| {}).unwrap();
+        let training = serde_json::json!({ "domain": domain }).to_string();
+        let mut model = Model::clone(&model);
+        model.training = training;
+        model
     }
 
     #[test]

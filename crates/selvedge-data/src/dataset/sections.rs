@@ -61,11 +61,6 @@ const NOT_OPPOSITE: [&str; 8] = [
 ];
 
 impl Section {
-    /// Number of frames.
-    pub fn frame_count(&self) -> usize {
-        self.end.saturating_sub(self.start)
-    }
-
     /// The samples of the section, in order of time.
     pub fn samples(&self) -> impl Iterator<Item = Sample> + use<> {
         let trajectory = self.trajectory;

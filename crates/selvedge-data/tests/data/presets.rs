@@ -6,10 +6,15 @@ use std::path::Path;
 use selvedge_cloth::generate::named_sheets;
 use selvedge_cloth::motion::named;
 use selvedge_data::{
-    DatasetConfig, DatasetPreset, PlannedRun, SectionRule, Split, shipped_presets,
+    DatasetConfig, DatasetPreset, Forecast, PlannedRun, SectionRule, Split, shipped_presets,
 };
 
 use crate::help::{refuses, says, table};
+
+/// The trajectories of a split.
+fn of_split(forecast: &Forecast, split: Split) -> impl Iterator<Item = &PlannedRun> {
+    forecast.runs.iter().filter(move |run| run.split == split)
+}
 
 /// A preset with these lists, sections, frame rate and own motions.
 fn preset(lists: &str, rule: &str, rate: &str, own: &str) -> Result<DatasetPreset, String> {
@@ -111,7 +116,7 @@ fn the_paper_and_the_small_preset_have_the_counts_of_the_paper() {
     for (name, vertices) in [("paper", 1024), ("small", 400)] {
         let preset = DatasetPreset::open(name).unwrap();
         let forecast = preset.forecast();
-        let counts = [Split::Train, Split::Test].map(|split| forecast.of(split).count());
+        let counts = [Split::Train, Split::Test].map(|split| of_split(forecast, split).count());
         assert_eq!(counts, [16, 15], "{name}");
         let is_right = |run: &PlannedRun| (run.vertices, run.frames) == (vertices, 1261);
         assert!(forecast.runs.iter().all(is_right), "{name}");
@@ -130,8 +135,11 @@ fn generalisation_is_every_mesh_in_every_motion() {
     // The twelve motions with a name and half and twice the trained speed.
     let motions = named::generalisation().len() + 2;
     assert_eq!((meshes.len(), motions), (12, 14));
-    assert_eq!(forecast.of(Split::Train).count(), 0);
-    assert_eq!(forecast.of(Split::Test).count(), meshes.len() * motions);
+    assert_eq!(of_split(forecast, Split::Train).count(), 0);
+    assert_eq!(
+        of_split(forecast, Split::Test).count(),
+        meshes.len() * motions
+    );
     assert_eq!(forecast.samples(), 0);
     for sheet in meshes {
         let prefix = format!("{}.", sheet.name);
@@ -240,7 +248,7 @@ fn a_cloth_with_training_motions_is_learned_from_and_not_tested_on() {
     let found = preset("[\"mine\", \"random-3\"]").unwrap();
     let forecast = found.forecast();
     let names = |split| -> Vec<(&str, usize)> {
-        let runs = forecast.of(split);
+        let runs = of_split(forecast, split);
         runs.map(|run| (run.name.as_str(), run.vertices)).collect()
     };
     let learned = [("forward", 36), ("half.mine", 20), ("half.random-3", 20)];

@@ -11,7 +11,7 @@ use crate::test_graphs::{cloth, full_specs, gpu, model, shaken};
 /// Positions of the handles of a cloth in a frame: on a swing.
 fn targets(graph: &ClothGraph, frame: usize) -> Vec<Vec3> {
     let turn = Yaw::from_angle(0.02 * frame as f64);
-    let rest = graph.handles().select(graph.rest_positions());
+    let rest = graph.handles().select(graph.cloth().rest_positions());
     let there = |p: &Vec3| turn.to_world(*p) + 0.003 * frame as f32 * Vec3::new(1.0, 0.2, -0.5);
     rest.iter().map(there).collect()
 }
@@ -36,8 +36,8 @@ fn a_rollout_is_that_of_the_processor() {
     for spec in full_specs() {
         let graph = cloth(5, 3);
         let model = Arc::new(model(&spec, 1e-3, 7));
-        let start = shaken(graph.rest_positions(), 0.005, 9);
-        let start: [&[Vec3]; 2] = [graph.rest_positions(), &start];
+        let start = shaken(graph.cloth().rest_positions(), 0.005, 9);
+        let start: [&[Vec3]; 2] = [graph.cloth().rest_positions(), &start];
         let mut cpu =
             LearnedStepper::new(Arc::clone(&model), graph.clone(), &start).expect("a start");
         let mut device = on_gpu(&gpu, &model, graph.clone(), &start);
@@ -52,7 +52,7 @@ fn a_rollout_is_that_of_the_processor() {
         }
         assert_eq!(device.frame(), 12);
         assert!(
-            farthest(device.positions(), graph.rest_positions()) > 0.03,
+            farthest(device.positions(), graph.cloth().rest_positions()) > 0.03,
             "it moves"
         );
     }
@@ -66,7 +66,7 @@ fn sixteen_cloths_move_as_each_alone_to_the_last_bit() {
     let graphs: Vec<ClothGraph> = (0..16).map(|n| cloth(3 + n % 5, n as u64)).collect();
     let starts: Vec<Vec<Vec3>> = graphs
         .iter()
-        .map(|graph| shaken(graph.rest_positions(), 0.003, 4))
+        .map(|graph| shaken(graph.cloth().rest_positions(), 0.003, 4))
         .collect();
     let starts: Vec<[&[Vec3]; 1]> = starts.iter().map(|start| [&**start]).collect();
     let openings = graphs.iter().zip(&starts).map(|(graph, start)| Opening {
@@ -98,7 +98,14 @@ fn a_stepper_on_a_gpu_conforms() {
     for encoder in [Encoder::MLP, Encoder::Gru { window: 3 }] {
         let spec = ModelSpec::physical(encoder, 12, 1);
         let (graph, model) = (cloth(4, 1), Arc::new(model(&spec, 1e-3, 7)));
-        let make = || on_gpu(&gpu, &model, graph.clone(), &[graph.rest_positions()]);
+        let make = || {
+            on_gpu(
+                &gpu,
+                &model,
+                graph.clone(),
+                &[graph.cloth().rest_positions()],
+            )
+        };
         check_correctable(make, HandlesEnd::AtTargets);
     }
 }
@@ -108,8 +115,18 @@ fn a_frame_that_is_not_finite_is_not_taken() {
     let Some(gpu) = gpu() else { return };
     let spec = ModelSpec::physical(Encoder::Gru { window: 2 }, 12, 1);
     let (graph, model) = (cloth(4, 1), Arc::new(model(&spec, 1e-3, 7)));
-    let mut stepper = on_gpu(&gpu, &model, graph.clone(), &[graph.rest_positions()]);
-    let mut other = on_gpu(&gpu, &model, graph.clone(), &[graph.rest_positions()]);
+    let mut stepper = on_gpu(
+        &gpu,
+        &model,
+        graph.clone(),
+        &[graph.cloth().rest_positions()],
+    );
+    let mut other = on_gpu(
+        &gpu,
+        &model,
+        graph.clone(),
+        &[graph.cloth().rest_positions()],
+    );
     for frame in 1..=3 {
         let targets = handle_targets(&graph, frame);
         stepper.step(&targets).expect("a frame");
@@ -148,14 +165,14 @@ fn frames_of_somebody_else_are_gone_on_from_as_on_the_processor() {
     for encoder in [Encoder::MLP, Encoder::Gru { window: 3 }] {
         let spec = ModelSpec::physical(encoder, 12, 1);
         let (graph, model) = (cloth(5, 1), Arc::new(model(&spec, 1e-3, 7)));
-        let start: [&[Vec3]; 1] = [graph.rest_positions()];
+        let start: [&[Vec3]; 1] = [graph.cloth().rest_positions()];
         let mut cpu =
             LearnedStepper::new(Arc::clone(&model), graph.clone(), &start).expect("a start");
         let mut device = on_gpu(&gpu, &model, graph.clone(), &start);
         for frame in 1..=9 {
             let mut both: [&mut dyn Correctable; 2] = [&mut cpu, &mut device];
             for stepper in &mut both {
-                let other = shaken(graph.rest_positions(), 0.002, frame as u64);
+                let other = shaken(graph.cloth().rest_positions(), 0.002, frame as u64);
                 match frame {
                     3 => stepper.take_frame(&other).expect("a frame"),
                     _ => stepper
@@ -178,7 +195,7 @@ fn a_handle_that_lets_go_is_free_as_on_the_processor() {
     let Some(gpu) = gpu() else { return };
     let spec = ModelSpec::physical(Encoder::Gru { window: 2 }, 12, 1);
     let (graph, model) = (cloth(5, 1), Arc::new(model(&spec, 1e-3, 7)));
-    let start: [&[Vec3]; 1] = [graph.rest_positions()];
+    let start: [&[Vec3]; 1] = [graph.cloth().rest_positions()];
     let mut cpu = LearnedStepper::new(Arc::clone(&model), graph.clone(), &start).expect("a start");
     let mut device = on_gpu(&gpu, &model, graph.clone(), &start);
     let released = graph.handles().vertices()[1].index();
@@ -201,7 +218,7 @@ fn a_hundred_frames_stay_within_a_tenth_of_a_millimetre() {
     let Some(gpu) = gpu() else { return };
     let spec = ModelSpec::physical(Encoder::MLP, 16, 2);
     let (graph, model) = (cloth(5, 3), Arc::new(model(&spec, 1e-5, 7)));
-    let start: [&[Vec3]; 1] = [graph.rest_positions()];
+    let start: [&[Vec3]; 1] = [graph.cloth().rest_positions()];
     let mut cpu = LearnedStepper::new(Arc::clone(&model), graph.clone(), &start).expect("a start");
     let mut device = on_gpu(&gpu, &model, graph.clone(), &start);
     for frame in 1..=100 {
@@ -221,7 +238,7 @@ fn a_start_that_does_not_fit_is_an_error_of_its_cloth() {
     let (graph, model) = (cloth(4, 1), Arc::new(model(&spec, 1e-3, 7)));
     let none = Rollout::new(&gpu, Arc::clone(&model), Vec::new());
     assert!(matches!(none.err(), Some(OpeningError::NoCloth)));
-    let fitting = graph.rest_positions().to_vec();
+    let fitting = graph.cloth().rest_positions().to_vec();
     let openings = [&fitting[..], &fitting[1..]].map(|frame| vec![frame]);
     let openings = openings.iter().map(|start| Opening {
         graph: graph.clone(),
@@ -240,7 +257,7 @@ fn an_input_that_is_no_number_is_an_error_of_the_frame() {
     let Some(gpu) = gpu() else { return };
     let spec = ModelSpec::physical(Encoder::MLP, 12, 1);
     let (graph, model) = (cloth(4, 1), Arc::new(model(&spec, 1e-3, 7)));
-    let rest = graph.rest_positions().to_vec();
+    let rest = graph.cloth().rest_positions().to_vec();
     let free = graph.handle_mask().iter().position(|held| !held);
     let mut fast = rest.clone();
     fast[free.expect("a free vertex")].x += 1e20;

@@ -200,12 +200,6 @@ impl Normalizer {
         &self.deviation
     }
 
-    /// The term that [`Self::normalize`] subtracts, its factor (0 for a constant component), and
-    /// the factor of [`Self::denormalize`], `[width]` each.
-    pub fn factors(&self) -> [&[f32]; 3] {
-        [&self.shift, &self.scale, &self.spread]
-    }
-
     /// x ← (x - mean) / deviation, and 0 for constant components, in every row of `rows`
     /// (`[rows, width]`).
     ///

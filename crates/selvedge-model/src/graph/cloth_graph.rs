@@ -205,11 +205,6 @@ impl ClothGraph {
             .collect()
     }
 
-    /// The sagged rest pose in the world `[m]`, `[vertices]`.
-    pub fn rest_positions(&self) -> &[Vec3] {
-        self.cloth.rest_positions()
-    }
-
     /// Gravity and air in the present step.
     pub fn environment(&self) -> &Environment {
         &self.environment

@@ -41,18 +41,9 @@ impl Yaw {
         }
     }
 
-    /// Cosine of the angle.
-    pub fn cos(self) -> f64 {
-        self.cos
-    }
-
-    /// Sine of the angle.
-    pub fn sin(self) -> f64 {
-        self.sin
-    }
-
     /// The angle of rotation about +y `[rad]`, in (-π, π].
-    pub fn angle(self) -> f64 {
+    #[cfg(test)]
+    pub(crate) fn angle(self) -> f64 {
         self.sin.atan2(self.cos)
     }
 

@@ -49,17 +49,6 @@ pub struct Gradients<'a, T> {
     pub input: Option<InputGradient<'a, T>>,
 }
 
-impl<'a, T> Gradients<'a, T> {
-    /// From the gradient of the output to that of the weights alone.
-    pub fn new(output: &'a [T], weights: &'a mut [T]) -> Self {
-        Self {
-            output,
-            weights,
-            input: None,
-        }
-    }
-}
-
 /// Derivatives with respect to an [`Input`].
 pub struct InputGradient<'a, T> {
     /// `[window, vertices, node width]`.

@@ -65,14 +65,6 @@ impl Model {
         Domain::in_account(&self.training).ok().flatten()
     }
 
-    /// The model with another domain in its account of the training; an account that is not a
-    /// JSON object is kept under `note`.
-    #[must_use]
-    pub fn with_domain(mut self, domain: &Domain) -> Self {
-        self.training = domain.write_into(&self.training);
-        self
-    }
-
     /// The network.
     pub fn network(&self) -> &Network {
         &self.network

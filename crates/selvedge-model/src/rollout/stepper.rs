@@ -49,11 +49,6 @@ impl LearnedStepper {
             model,
         })
     }
-
-    /// The model that moves the cloth.
-    pub fn model(&self) -> &Model {
-        &self.model
-    }
 }
 
 impl Stepper for LearnedStepper {

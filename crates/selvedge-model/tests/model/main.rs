@@ -4,5 +4,6 @@ mod embed;
 mod invariance;
 mod network;
 mod pytorch;
+mod reference;
 mod specs;
 mod strip;

@@ -6,9 +6,10 @@ use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::Stop;
 use selvedge_model::{
     Connectivity, Dropout, Encoder, Gradients, Input, InputGradient, Instructions, Model,
-    ModelSpec, Network, OUTPUTS, Pass, Purpose, Stopped, Workspace, reference,
+    ModelSpec, Network, OUTPUTS, Pass, Purpose, Stopped, Workspace,
 };
 
+use crate::reference;
 use crate::specs::{both, forward, input, packed, specs};
 use crate::strip::strip;
 
@@ -339,7 +340,11 @@ fn a_pass_that_is_stopped_gives_nothing() {
     let output = vec![1.0; out.expect("nobody stops it yet").len()];
     stop.ask();
     let mut gradient = vec![0.0; case.weights.len()];
-    let gradients = Gradients::new(&output, &mut gradient);
+    let gradients = Gradients {
+        output: &output,
+        weights: &mut gradient,
+        input: None,
+    };
     let back = network.backward_packed(&packed, graph, input, gradients, &mut workspace);
     assert_eq!(back, Err(Stopped));
     let out = network.forward_packed(&packed, graph, input, pass, &mut workspace);
@@ -358,7 +363,11 @@ fn activations_serve_one_backward_pass() {
         let mut gradient = vec![0.0; case.weights.len()];
         let output = vec![1.0; case.graph.vertex_count() * 3];
         let mut backward = || {
-            let gradients = Gradients::new(&output, &mut gradient);
+            let gradients = Gradients {
+                output: &output,
+                weights: &mut gradient,
+                input: None,
+            };
             let back = network.backward_packed(&weights, graph, input, gradients, &mut workspace);
             back.expect("no stop");
         };

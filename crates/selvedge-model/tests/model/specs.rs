@@ -53,8 +53,9 @@ pub(crate) fn both<T: NetworkScalar>(
     let out = out.expect("no stop").to_vec();
     let mut gradient = vec![T::ZERO; network.parameter_count()];
     let gradients = Gradients {
+        output: by_output,
+        weights: &mut gradient,
         input: by_input,
-        ..Gradients::new(by_output, &mut gradient)
     };
     let back = network.backward_packed(weights, graph, input, gradients, &mut workspace);
     back.expect("no stop");

@@ -51,14 +51,6 @@ impl Default for LossWeights {
 }
 
 impl LossWeights {
-    /// The acceleration alone (MeshGraphNets).
-    pub const ACCELERATION_ONLY: Self = Self {
-        kinetic_energy: 0.0,
-        edge_vector: 0.0,
-        edge_length: 0.0,
-        bending_angle: 0.0,
-    };
-
     /// Checks that every weight is finite and none negative.
     pub fn validate(&self) -> Result<(), ConfigError> {
         let Self {

@@ -59,11 +59,6 @@ impl Default for RunningLossStatistics {
 }
 
 impl RunningLossStatistics {
-    /// Number of samples' vertices so far, handles not counted.
-    pub fn count(&self) -> f64 {
-        self.acceleration.count()
-    }
-
     /// Checks what was read from a checkpoint.
     pub(crate) fn check(&self) -> Result<(), SpecError> {
         self.acceleration.check(&[WIDTHS.acceleration])?;

@@ -118,7 +118,7 @@ fn without_noise_a_sample_is_ground_truth_in_the_frame_of_its_handles() {
         let [first, second] = [0, 1].map(|h| graph.handles().vertices()[h].index());
         assert_eq!(shown.local[1][first], DVec3::ZERO);
         let angle = |p: DVec3| p.x.atan2(p.z);
-        let rest = graph.rest_positions();
+        let rest = graph.cloth().rest_positions();
         let rest = (rest[second] - rest[first]).as_dvec3();
         let expected = angle(graph.frame().rest_yaw().to_local_f64(rest));
         let turned = angle(shown.local[1][second]) - expected;

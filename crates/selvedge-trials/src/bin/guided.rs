@@ -14,7 +14,10 @@ use std::sync::LazyLock;
 
 use anyhow::Context;
 use libfuzzer_sys::fuzz_target;
-use selvedge_trials::{Bench, TARGETS, Target};
+use readers::{Bench, TARGETS, Target};
+
+#[path = "../../tests/readers/mod.rs"]
+mod readers;
 
 static READER: LazyLock<(Bench, &Target)> = LazyLock::new(|| match open() {
     Ok(reader) => reader,

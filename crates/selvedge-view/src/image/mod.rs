@@ -51,7 +51,8 @@ impl Image {
     }
 
     /// The pixel in column `x` of row `y`, or `None` outside the image.
-    pub fn pixel(&self, x: u32, y: u32) -> Option<Rgb> {
+    #[cfg(test)]
+    pub(crate) fn pixel(&self, x: u32, y: u32) -> Option<Rgb> {
         (x < self.width && y < self.height)
             .then(|| self.pixels[y as usize * self.width as usize + x as usize])
     }

@@ -3,7 +3,10 @@
 
 use std::path::Path;
 
-use selvedge_trials::{Bench, TARGETS};
+use readers::{Bench, TARGETS};
+
+#[path = "../../../selvedge-trials/tests/readers/mod.rs"]
+mod readers;
 
 /// Examples that are refused, all of the corpus: a target and the number of its example.
 const REFUSED: [(&str, usize); 5] = [

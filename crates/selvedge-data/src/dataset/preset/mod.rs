@@ -106,11 +106,6 @@ pub struct PlannedRun {
 }
 
 impl Forecast {
-    /// The trajectories of a split.
-    pub fn of(&self, split: Split) -> impl Iterator<Item = &PlannedRun> {
-        self.runs.iter().filter(move |run| run.split == split)
-    }
-
     /// Frames in all, starts included.
     pub fn frames(&self) -> usize {
         self.runs.iter().map(|run| run.frames).sum()

@@ -65,8 +65,7 @@ impl Tables {
     /// The names and bytes of all tables.
     pub(super) fn sections(mut self) -> [(&'static str, Vec<u8>); 6] {
         // The tree of paths names parts of paths by tokens.
-        let mut tree = Tree::default();
-        Node::tree(&self.paths).add_to(&mut tree, &mut self.tokens, false);
+        let tree = tree(&self.paths, &mut self.tokens);
         let mut tokens = Vec::new();
         for text in &self.tokens {
             tokens.extend(text.as_bytes());
@@ -86,8 +85,8 @@ impl Tables {
         let mut sets = count(self.sets.len());
         sets.extend(numbers(self.sets.iter().map(|n| n.cast_signed())));
         let mut paths = count(self.paths.len());
-        paths.extend(count(tree.paths.len()));
-        for list in [tree.paths, tree.names, tree.jumps] {
+        paths.extend(count(self.paths.len()));
+        for list in tree {
             paths.extend(numbers(list.into_iter()));
         }
         let mut specs = count(self.specs.len());
@@ -119,79 +118,33 @@ fn numbers(numbers: impl Iterator<Item = i32>) -> Vec<u8> {
     counted(pack_numbers(&numbers.collect::<Vec<_>>()))
 }
 
-/// The tree of paths as lists, a node before its children before its siblings.
-#[derive(Debug, Default)]
-struct Tree {
-    /// Numbers of the paths.
-    paths: Vec<i32>,
-    /// Tokens of the last parts of the paths, negative for properties.
-    names: Vec<i32>,
-    /// -2: neither child nor sibling follows; -1: a child; 0: a sibling; else a child, and a
-    /// sibling so many nodes on.
-    jumps: Vec<i32>,
-}
-
-/// A path within the path above it.
-#[derive(Debug, Default)]
-struct Node {
-    name: String,
-    number: u32,
-    is_property: bool,
-    children: Vec<Node>,
-}
-
-impl Node {
-    /// The tree of all paths, with "/" at its root. Every path is there with all that are above it.
-    fn tree(paths: &Texts) -> Self {
-        let mut root = Self::default();
-        for (number, path) in paths.iter().enumerate() {
-            let mut node = &mut root;
-            let (prim, property) = match path.split_once('.') {
-                Some((prim, property)) => (prim, Some(property)),
-                None => (path.as_str(), None),
-            };
-            let prims = prim.split('/').filter(|name| !name.is_empty());
-            let steps = prims.map(|name| (name, false));
-            for (name, is_property) in steps.chain(property.map(|name| (name, true))) {
-                node = node.child(name, is_property);
-            }
-            node.number = number as u32;
-        }
-        root
+/// The tree of paths as three lists, a path before its children before its siblings: their numbers,
+/// the tokens of their last parts, negative for properties, and jumps. -2: neither child nor sibling
+/// follows; -1: a child; 0: a sibling; else a child, and a sibling so many entries on. Every path is
+/// there with all that are above it.
+fn tree(paths: &Texts, tokens: &mut Texts) -> [Vec<i32>; 3] {
+    let mut sorted = Vec::with_capacity(paths.len());
+    for (number, path) in paths.iter().enumerate() {
+        let parts = path.split(['/', '.']).filter(|part| !part.is_empty());
+        sorted.push((parts.collect::<Vec<&str>>(), number));
     }
-
-    fn child(&mut self, name: &str, is_property: bool) -> &mut Self {
-        let known = self
-            .children
-            .iter()
-            .position(|child| child.name == name && child.is_property == is_property);
-        let place = known.unwrap_or_else(|| {
-            self.children.push(Self {
-                name: name.to_owned(),
-                is_property,
-                ..Self::default()
-            });
-            self.children.len() - 1
-        });
-        &mut self.children[place]
-    }
-
-    /// Adds the node and all below it.
-    fn add_to(&self, tree: &mut Tree, tokens: &mut Texts, has_sibling: bool) {
-        let place = tree.paths.len();
-        tree.paths.push(self.number.cast_signed());
+    sorted.sort();
+    let depth = |place: usize| sorted.get(place).map_or(0, |(parts, _)| parts.len());
+    let mut lists = [const { Vec::new() }; 3];
+    for (place, (parts, path)) in sorted.iter().enumerate() {
         // Token 0 is the name of a prim: every property has a sign.
-        let name = number(tokens, &self.name).cast_signed();
-        tree.names.push(if self.is_property { -name } else { name });
-        tree.jumps.push(0);
-        for (number, child) in self.children.iter().enumerate() {
-            child.add_to(tree, tokens, number + 1 < self.children.len());
-        }
-        tree.jumps[place] = match (self.children.is_empty(), has_sibling) {
-            (true, true) => 0,
-            (true, false) => -2,
-            (false, true) => (tree.paths.len() - place) as i32,
-            (false, false) => -1,
+        let name = number(tokens, parts.last().copied().unwrap_or_default()).cast_signed();
+        let next = (place + 1..sorted.len()).find(|&other| depth(other) <= depth(place));
+        let sibling = next.filter(|&other| depth(other) == depth(place));
+        let jump = match (depth(place + 1) > depth(place), sibling) {
+            (false, Some(_)) => 0,
+            (false, None) => -2,
+            (true, Some(other)) => (other - place) as i32,
+            (true, None) => -1,
         };
+        lists[0].push(*path as i32);
+        lists[1].push(if paths[*path].contains('.') { -name } else { name });
+        lists[2].push(jump);
     }
+    lists
 }

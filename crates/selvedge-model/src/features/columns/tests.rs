@@ -84,7 +84,7 @@ fn every_column_has_a_name_of_its_own_and_a_group() {
 #[test]
 fn an_arc_sees_its_sender_from_its_receiver_and_its_elongation() {
     let graph = parts(6, 3).graph();
-    let (previous, current) = moving(graph.rest_positions());
+    let (previous, current) = moving(graph.cloth().rest_positions());
     let pose = pose(&previous, &current, Yaw::from_angle(0.4));
     let spec = everything();
     let arcs = features(&spec, &graph, pose).arcs;
@@ -112,7 +112,7 @@ fn an_arc_sees_its_sender_from_its_receiver_and_its_elongation() {
 #[test]
 fn the_rest_pose_at_rest_has_no_elongation_and_its_own_vectors() {
     let graph = parts(6, 4).graph();
-    let rest = graph.rest_positions();
+    let rest = graph.cloth().rest_positions();
     let pose = pose(rest, rest, graph.frame().rest_yaw());
     for row in features(&everything(), &graph, pose).arcs.chunks(13) {
         assert_eq!(row[..4], row[4..8]);
@@ -186,7 +186,7 @@ fn slow_external_force(graph: &ClothGraph, pose: Pose<'_>, vertex: usize) -> DVe
 #[test]
 fn external_force_matches_a_slow_version_in_f64() {
     let graph = parts(7, 2).graph();
-    let (previous, current) = moving(graph.rest_positions());
+    let (previous, current) = moving(graph.cloth().rest_positions());
     let pose = pose(&previous, &current, Yaw::from_angle(-1.2));
     let nodes = features(&physical(), &graph, pose).nodes;
     for (v, row) in nodes.chunks(16).enumerate() {
@@ -200,7 +200,7 @@ fn external_force_matches_a_slow_version_in_f64() {
 #[test]
 fn node_types_energies_and_velocities_are_what_they_say() {
     let graph = parts(4, 2).graph();
-    let (previous, current) = moving(graph.rest_positions());
+    let (previous, current) = moving(graph.cloth().rest_positions());
     let pose = pose(&previous, &current, Yaw::from_angle(2.0));
     let nodes = features(&physical(), &graph, pose).nodes;
     for (v, row) in nodes.chunks(16).enumerate() {
@@ -217,7 +217,7 @@ fn node_types_energies_and_velocities_are_what_they_say() {
 #[test]
 fn leaving_features_out_leaves_the_columns_of_the_others_unchanged() {
     let graph = parts(5, 2).graph();
-    let (previous, current) = moving(graph.rest_positions());
+    let (previous, current) = moving(graph.cloth().rest_positions());
     let pose = pose(&previous, &current, Yaw::from_angle(0.3));
     let whole = features(&everything(), &graph, pose);
     let part = features(&ModelSpec::mesh_graph_nets(8, 1), &graph, pose);

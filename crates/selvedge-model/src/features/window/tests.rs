@@ -9,7 +9,7 @@ use crate::test_cloth::{parts, shaken};
 /// A cloth, and its positions in the frames that a window of `window` needs.
 fn cloth(side: usize, window: usize) -> (ClothGraph, Vec<Vec<Vec3>>) {
     let graph = parts(side, side as u64).graph();
-    let frames = (0..=window as u64).map(|k| shaken(graph.rest_positions(), 0.01, k));
+    let frames = (0..=window as u64).map(|k| shaken(graph.cloth().rest_positions(), 0.01, k));
     let frames = frames.collect();
     (graph, frames)
 }

@@ -16,7 +16,7 @@ struct Case {
 fn case() -> Case {
     let graph = parts(5, 1).graph();
     let [previous, current, next] =
-        [1, 2, 3].map(|seed| shaken(graph.rest_positions(), 0.02, seed));
+        [1, 2, 3].map(|seed| shaken(graph.cloth().rest_positions(), 0.02, seed));
     Case {
         next_handles: graph.handles().select(&next),
         yaw: Yaw::from_angle(0.7),

@@ -9,7 +9,7 @@ use anyhow::{Context, Result, ensure};
 use selvedge_data::Dataset;
 use selvedge_train::TrainConfig;
 
-use crate::Target;
+use super::Target;
 
 /// A square of 16 vertices, pushed for a tenth of a second.
 const SCENE: &str = r#"
@@ -66,11 +66,11 @@ const COMMANDS: [&str; 11] = [
 const LONGEST_TEXT: usize = 4096;
 
 /// The folder in which readers work.
-pub struct Bench {
-    pub(crate) folder: PathBuf,
+pub(crate) struct Bench {
+    pub(super) folder: PathBuf,
     /// A small data set, and a training on it.
-    pub(crate) dataset: Dataset,
-    pub(crate) training: TrainConfig,
+    pub(super) dataset: Dataset,
+    pub(super) training: TrainConfig,
 }
 
 impl Bench {
@@ -78,7 +78,7 @@ impl Bench {
     ///
     /// # Errors
     /// A folder that cannot be made, or a command that fails.
-    pub fn new(program: &Path, folder: &Path) -> Result<Self> {
+    pub(crate) fn new(program: &Path, folder: &Path) -> Result<Self> {
         if folder.exists() {
             fs::remove_dir_all(folder).with_context(|| folder.display().to_string())?;
         }
@@ -122,8 +122,8 @@ impl Bench {
     ///
     /// # Errors
     /// A file that cannot be read.
-    pub fn examples(&self, target: &Target) -> Result<Vec<Vec<u8>>> {
-        let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus");
+    pub(crate) fn examples(&self, target: &Target) -> Result<Vec<Vec<u8>>> {
+        let corpus = repository().join("crates/selvedge-trials/corpus");
         let mut paths = Vec::new();
         for seed in target.2 {
             let path = match seed.strip_prefix('/') {
@@ -146,7 +146,7 @@ impl Bench {
     ///
     /// # Panics
     /// Where the reader does, accepts what does not hold, or says pages.
-    pub fn read(&self, target: &Target, input: &[u8]) -> Result<(), String> {
+    pub(crate) fn read(&self, target: &Target, input: &[u8]) -> Result<(), String> {
         let path = self.folder.join(target.1.unwrap_or("input"));
         if target.1.is_some() {
             fs::write(&path, input).map_err(|error| error.to_string())?;
@@ -158,7 +158,7 @@ impl Bench {
     }
 }
 
-pub(crate) fn repository() -> PathBuf {
+fn repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 

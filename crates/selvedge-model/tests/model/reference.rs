@@ -3,9 +3,7 @@
 //!
 //! Weights are found by name, as a PyTorch module would find them.
 
-use crate::graph::connectivity::Connectivity;
-use crate::network::{Input, Network};
-use crate::spec::Encoder;
+use selvedge_model::{Connectivity, Encoder, Input, Network};
 
 type Rows = Vec<Vec<f64>>;
 
@@ -95,7 +93,7 @@ impl Weights<'_> {
 /// Normalised accelerations `[vertices, 3]`, as [`Network::forward_packed`] gives them. A recurrent
 /// encoder starts from zero and takes all frames of the input; a stream's state is that of the
 /// frames before.
-pub fn forward(
+pub(crate) fn forward(
     network: &Network,
     weights: &[f64],
     graph: &Connectivity,
@@ -114,7 +112,10 @@ pub fn forward(
     for block in 0..spec.blocks {
         let mut incoming = vec![vec![0.0; spec.latent]; vertices];
         for (arc, edge) in latent_arcs.iter_mut().enumerate() {
-            let (s, r) = (graph.senders[arc] as usize, graph.receivers[arc] as usize);
+            let (s, r) = (
+                graph.senders()[arc] as usize,
+                graph.receivers()[arc] as usize,
+            );
             let joined = [&*nodes[s], &*nodes[r], &**edge].concat();
             let update = weights.normalised_mlp(&format!("processor.{block}.edge"), &joined);
             for k in 0..spec.latent {

@@ -17,7 +17,7 @@ use selvedge_live::protocol::{self, ClientMessage};
 use selvedge_model::Model;
 use selvedge_train::{OnProcessor, Setting, TrainConfig, Trainer};
 
-use crate::Bench;
+use super::Bench;
 
 /// Outcome of one input: accepted, or refused with this text.
 type Verdict = Result<(), String>;
@@ -29,11 +29,11 @@ type Reader = fn(&Bench, &Path, &[u8]) -> Verdict;
 /// bench's folder, where the reader opens it itself; examples that the bench has or, where a name
 /// begins with `/`, the repository, of a folder all files of TOML; and the reader.
 #[derive(Debug)]
-pub struct Target(
-    pub &'static str,
-    pub(crate) Option<&'static str>,
-    pub(crate) &'static [&'static str],
-    pub(crate) Reader,
+pub(crate) struct Target(
+    pub(crate) &'static str,
+    pub(super) Option<&'static str>,
+    pub(super) &'static [&'static str],
+    pub(super) Reader,
 );
 
 const BLENDER: &str = "/crates/selvedge-data/tests/fixtures/caches/blender.usdc";
@@ -44,7 +44,7 @@ const REST_POSE: &str =
     "poses/71416f2faa304e3d70a76b855b0b82e9d6a2f549c54daac536860c0ad17fa2f6.safetensors";
 
 /// All readers.
-pub static TARGETS: [Target; 24] = [
+pub(crate) static TARGETS: [Target; 24] = [
     Target("trajectory", None, &["run.safetensors"], |_, _, bytes| {
         let read = Trajectory::from_bytes(bytes).map_err(said)?;
         let fine = read.positions().iter().all(|p| p.is_finite());
