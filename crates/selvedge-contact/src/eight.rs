@@ -103,8 +103,9 @@ impl OfGaps<'_> {
     }
 }
 
+/// As [`extent`](crate::extent()).
 #[inline(always)]
-fn extent<N: Number>(kind: Kind, corners: [N::Vector; 4], direction: N::Vector) -> N {
+pub(crate) fn extent<N: Number>(kind: Kind, corners: [N::Vector; 4], direction: N::Vector) -> N {
     let [a, b, c, d] = corners;
     let (a, b, c, d) = (
         a.dot(direction),
