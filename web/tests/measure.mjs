@@ -106,12 +106,12 @@ async function playback() {
   return { vertices, drawn, undrawn };
 }
 
-/** The page without a program, as it opens: its scene from the first step on, drawn and not. */
+/** The page without a program, as it opens: its scene from the first picture on, then from its first step again, drawn and not. */
 async function pageTime() {
   const served = await serve("dist");
   const { context, close } = await browser(small);
   const page = await open(context, served.url);
-  const found = {};
+  const found = { opened: await pace(page, 4) };
   for (const name of ["drawn", "undrawn"]) {
     if (name === "undrawn") await withoutDrawing(page);
     await page.click("#reset");
