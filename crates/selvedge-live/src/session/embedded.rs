@@ -20,8 +20,8 @@ use crate::workshop::Workshop;
 const PAGE: u32 = 1;
 
 /// Frames that the first cloth takes before its first one, and the longest time for them.
-const WARM_UP: usize = 24;
-const LONGEST_WARM_UP: Duration = Duration::from_millis(500);
+const WARM_UP: usize = 12;
+const LONGEST_WARM_UP: Duration = Duration::from_millis(300);
 
 /// A session that its host drives: messages go in by [`receive`](Self::receive), and
 /// [`turn`](Self::turn) does what is due and hands out messages.
