@@ -11,7 +11,6 @@
 use glam::DVec3;
 
 use crate::closest::{Gap, along_axes, gap};
-use crate::eight;
 use crate::number::Number;
 use crate::pair::Kind;
 
@@ -203,12 +202,10 @@ fn is_apart(
 #[inline]
 pub fn approach(kind: Kind, ways: [DVec3; 4]) -> f64 {
     let [a, b, c, d] = ways;
-    let apart = |p: DVec3, q: DVec3| (p - q).length_squared();
+    let way = |p: DVec3, q: DVec3| (p - q).length_squared();
     let most = match kind {
-        Kind::VertexFace => (apart(a, b).greater(apart(a, c))).greater(apart(a, d)),
-        Kind::EdgeEdge => {
-            (apart(a, c).greater(apart(a, d))).greater(apart(b, c).greater(apart(b, d)))
-        }
+        Kind::VertexFace => (way(a, b).greater(way(a, c))).greater(way(a, d)),
+        Kind::EdgeEdge => (way(a, c).greater(way(a, d))).greater(way(b, c).greater(way(b, d))),
     };
     most.sqrt()
 }
@@ -219,7 +216,7 @@ pub fn approach(kind: Kind, ways: [DVec3; 4]) -> f64 {
 #[must_use]
 #[inline]
 pub fn extent(kind: Kind, corners: [DVec3; 4], direction: DVec3) -> f64 {
-    eight::extent::<f64>(kind, corners, direction)
+    crate::eight::extent::<f64>(kind, corners, direction)
 }
 
 /// The direction across both features: a face's normal, or that across two edges.

@@ -13,13 +13,12 @@ use super::{Feed, Opening, Request, Session, SlotWriters};
 use crate::order::{Catalogue, Order};
 use crate::protocol::{self, ClientMessage, WireError};
 use crate::recorder::Destination;
-use crate::state::Level;
 use crate::workshop::Workshop;
 
 /// The number of the only page.
 const PAGE: u32 = 1;
 
-/// Frames that the first cloth takes before its first one, and the longest time for them.
+/// Frames that a cloth takes before its first one, and the longest time for them.
 const WARM_UP: usize = 12;
 const LONGEST_WARM_UP: Duration = Duration::from_millis(300);
 
@@ -32,7 +31,6 @@ pub struct EmbeddedSession {
     orders: watch::Receiver<Option<Order>>,
     feed: Feed,
     has_greeted: bool,
-    is_warm: bool,
 }
 
 impl EmbeddedSession {
@@ -53,7 +51,6 @@ impl EmbeddedSession {
             orders,
             feed: Feed::new(readers),
             has_greeted: false,
-            is_warm: false,
         };
         embedded.watch(true);
         embedded
@@ -101,8 +98,9 @@ impl EmbeddedSession {
             // The page is told before the first step, which may be long.
             let _ = tell("making the cloth ready".to_owned());
             let prepared = self.workshop.prepare(&order, &mut tell);
+            let is_made = prepared.is_ok();
             self.session.take(Request::Prepared(order, prepared));
-            if !std::mem::replace(&mut self.is_warm, true) {
+            if is_made {
                 self.post(post);
                 self.warm_up();
             }
@@ -115,20 +113,16 @@ impl EmbeddedSession {
     /// Steps the cloth that was just made, which the page draws meanwhile, and puts it back to its beginning: an engine
     /// compiles the solver in its first frames, which take up to 0.1 s.
     fn warm_up(&mut self) {
-        let Some(live) = &mut self.session.showing.live else {
-            return;
-        };
         let began = Instant::now();
-        for _ in 0..WARM_UP {
-            let targets = HandleTargets::at_frame_end(live.handle_places());
-            let Some(targets) = targets.ok().filter(|_| began.elapsed() < LONGEST_WARM_UP) else {
-                break;
-            };
+        while let Some(live) = &mut self.session.showing.live
+            && live.frame() < WARM_UP
+            && began.elapsed() < LONGEST_WARM_UP
+            && let Ok(targets) = HandleTargets::at_frame_end(live.handle_places())
+        {
             live.step(&targets, true);
         }
-        if let Err(error) = live.restart() {
-            self.session.notify(Level::Bad, error.to_string());
-        }
+        let reset = ClientMessage::Command(protocol::Command::Reset);
+        self.session.take(Request::Page(PAGE, reset));
         self.session.time.pace.restart(Instant::now());
     }
 

@@ -3,7 +3,6 @@
 
 use glam::DVec3;
 use selvedge_cloth::{CaughtPair, FrictionAnchor, Pushing, Scene, Touching};
-use selvedge_contact::number::Number;
 use selvedge_contact::{Gap, Kind, Pair, gap};
 
 use super::barrier::LEAST;
@@ -94,8 +93,8 @@ impl Contact {
     /// The feature of `near` that pushes.
     fn pushing(&self, near: &ClosePair) -> Pushing {
         let expected = self.gap_along(&near.pair, &near.gap, &self.end);
-        let least = near.distance.at_most(expected) / self.bodies.thickness[near.body];
-        let depth = (1.0 - least).at_least(0.0);
+        let least = near.distance.min(expected) / self.bodies.thickness[near.body];
+        let depth = (1.0 - least).max(0.0);
         Pushing {
             of: feature(&near.pair, near.body, self.is_of_core(&near.pair)),
             firmly: near.share * depth * depth > FIRM,
@@ -145,7 +144,7 @@ impl Contact {
         let law = PairLaw::Barrier { share: near.share };
         let collision = self.collision_of(&near.pair, near.body, &near.gap, near.distance, law);
         let gap = near.caught.and_then(|caught| caught.gap);
-        let at = gap.map(|gap| gap.at_most(near.distance));
+        let at = gap.map(|gap| gap.min(near.distance));
         Collision { at, ..collision }
     }
 
@@ -356,7 +355,7 @@ impl Contact {
             let displacement =
                 collision.displacement(|v| self.end[v]) - collision.drift * (1.0 - part);
             let gap = collision.gap + collision.normal.dot(displacement);
-            let most = collision.friction * collision.response.tangent.force_at(gap).at_least(0.0);
+            let most = collision.friction * collision.response.tangent.force_at(gap).max(0.0);
             let grip = collision.response.grip;
             if most <= 0.0 {
                 continue;

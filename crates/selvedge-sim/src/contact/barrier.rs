@@ -158,9 +158,8 @@ impl Barrier {
     /// The force that a pair on its way from `start` to `expected` is expected to bear `[N]`: what stops it
     /// alone, or the pressure at the start where that is more, as between two bodies.
     pub(super) fn bears(&self, tangent: &Tangent, start: f64, expected: f64) -> f64 {
-        let end = self
-            .alone(tangent, expected)
-            .at_most(expected.at_least(tangent.gap));
+        let most = expected.at_least(tangent.gap);
+        let end = self.alone(tangent, expected).at_most(most);
         let pressure = self.pressure.tangent(start, self.thickness);
         tangent.force_at(end).at_least(pressure.force_at(start))
     }

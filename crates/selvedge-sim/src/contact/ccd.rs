@@ -3,7 +3,6 @@
 
 use glam::DVec3;
 use selvedge_cloth::{Squeezed, StepError};
-use selvedge_contact::number::Number;
 use selvedge_contact::{
     CollisionMesh, Impact, Pair, Path, Straight, SweptBoxes, certify_straight, certify_turning,
     extent, least_gap,
@@ -217,7 +216,7 @@ impl Contact {
         if known.extent >= floor {
             let extent = extent(pair.kind, pair.places(&self.end), known.direction) - radius;
             if extent >= floor {
-                known.reach = known.reach.greater(0.0);
+                known.reach = if known.reach > 0.0 { known.reach } else { 0.0 };
                 return None;
             }
         }

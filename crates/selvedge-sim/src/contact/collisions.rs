@@ -3,7 +3,6 @@
 use glam::{DMat3, DVec3, Mat3A};
 use selvedge_cloth::Touching;
 use selvedge_contact::Gap;
-use selvedge_contact::number::Number;
 
 use super::barrier::{Barrier, Tangent};
 use super::friction::{along_surface, drag, outer};
@@ -176,7 +175,7 @@ impl Collision {
         } = self.response;
         let displacement = self.displacement(place);
         let gap = self.gap + self.normal.dot(displacement);
-        let most = self.friction * tangent.force_at(gap).at_least(0.0);
+        let most = self.friction * tangent.force_at(gap).max(0.0);
         let small = NEARLY * most + SMALL * inertia * self.thickness;
         let slip = along_surface(self.normal, self.pull / grip + displacement);
         let force = grip * slip.length();
@@ -238,7 +237,7 @@ impl Collision {
         let most = self.friction * barrier.bears(&tangent, self.gap, estimate);
         let inertia = self.mass / (time * time);
         let firm = self.pressure.firm(self.gap, self.thickness);
-        let grip = firm.map_or(inertia, |firm| inertia.at_least(SHEAR * firm.stiffness));
+        let grip = firm.map_or(inertia, |firm| inertia.max(SHEAR * firm.stiffness));
         let slip = along_surface(self.normal, self.pull / grip + displacement);
         if matches!(self.sticking, Sticking::Unknown) {
             let slid = self.pull.length() > SLID * most;

@@ -4,7 +4,6 @@
 use glam::DVec3;
 use selvedge_cloth::Scene;
 use selvedge_cloth::geometry::exp;
-use selvedge_contact::number::Number;
 use selvedge_contact::{Kind, Pair};
 
 use super::barrier::Tangent;
@@ -73,7 +72,7 @@ impl Pressure {
                 ..Tangent::default()
             };
         }
-        let gap = gap.at_least(CRUSHED * begin);
+        let gap = gap.max(CRUSHED * begin);
         let grown = self.least * exp(self.rise * (1.0 - gap / begin));
         Tangent {
             gap,

@@ -13,7 +13,6 @@ use std::f64::consts::PI;
 use selvedge_cloth::StretchTable;
 use selvedge_cloth::geometry::atan2;
 
-use crate::laws::number::Number;
 use crate::laws::stretch::{Elastic, Strain, StretchLaw};
 
 /// The table sampled on a grid of strains and read trilinearly.
@@ -60,13 +59,13 @@ fn between_rows(table: &StretchTable, largest: f64, direction: f64) -> [f64; 4] 
     let rows = &table.0;
     std::array::from_fn(|column| {
         let strained = (1.0 - between) * rows[1 + low][column] + between * rows[2 + low][column];
-        2.0 * ((1.0 - weight) * rows[0][column] + weight * strained).at_least(0.0)
+        2.0 * ((1.0 - weight) * rows[0][column] + weight * strained).max(0.0)
     })
 }
 
 /// Weight of the strained rows, the lower one of the two, and the weight of the other.
 fn row_place(largest: f64, direction: f64) -> (f64, usize, f64) {
-    let weight = (6.0 * (largest.at_least(0.0).sqrt() - 1.0)).clamp(0.0, 1.0 - ROW_MARGIN);
+    let weight = (6.0 * (largest.max(0.0).sqrt() - 1.0)).clamp(0.0, 1.0 - ROW_MARGIN);
     let angle = (8.0 * direction).clamp(0.0, 4.0 - ROW_MARGIN);
     let low = angle as usize;
     (weight, low, angle - low as f64)
@@ -133,11 +132,11 @@ impl StretchLaw for GridStiffness {
             return elastic(strain, k, k);
         }
         let [stiffness, growth] = self.with_growth(strain);
-        let grown = |index: usize| stiffness[index] + growth[index].at_least(0.0);
+        let grown = |index: usize| stiffness[index] + growth[index].max(0.0);
         let (k0, k2) = (grown(0), grown(2));
         let most = (k0 * k2).sqrt();
         // Not `clamp`, which panics where `most` is NaN: the solve names what is not finite.
-        let k1 = (stiffness[1] + growth[1]).at_least(-most).at_most(most);
+        let k1 = (stiffness[1] + growth[1]).max(-most).min(most);
         elastic(strain, stiffness, [k0, k1, k2, grown(3)])
     }
 }
@@ -146,7 +145,7 @@ impl StretchLaw for GridStiffness {
 #[inline(always)]
 fn elastic(strain: Strain, stiffness: [f64; 4], grown: [f64; 4]) -> Elastic {
     let [k0, k1, k2, k3] = stiffness;
-    let (uu, vv) = (strain.uu.at_least(0.0), strain.vv.at_least(0.0));
+    let (uu, vv) = (strain.uu.max(0.0), strain.vv.max(0.0));
     Elastic {
         stress: Strain {
             uu: k0 * strain.uu + k1 * strain.vv,
