@@ -43,6 +43,10 @@ for (const name of readdirSync("wasm/pkg")) copyFileSync(`wasm/pkg/${name}`, `di
 const types = ["--declaration", "--strict", "--target", "es2022", "--module", "esnext", "--moduleResolution", "bundler", "--types", "", "--skipLibCheck"];
 run("node_modules/.bin/tsc", [...types, "--lib", "es2022,dom", "--ignoreConfig", "dist-npm/index.ts"], "Once: npm ci");
 rmSync("dist-npm/index.ts");
+// Examples, with what they load.
+mkdirSync("dist-npm/examples");
+for (const name of ["example.js", "cape.js", "cape.toml"]) copyFileSync(`npm/${name}`, `dist-npm/examples/${name}`);
+copyFileSync("../assets/bodies/mannequin.glb", "dist-npm/examples/mannequin.glb");
 
 let sum = 0;
 for (const name of readdirSync(out)) {

@@ -154,6 +154,7 @@ def write_body(samples, faces, rate, path):
     with open(path, "w", encoding="utf-8") as out:
         out.write(f'#usda 1.0\n(\n    metersPerUnit = 1\n    timeCodesPerSecond = {rate:.9g}\n    upAxis = "Z"\n)\n')
         out.write('def Mesh "body"\n{\n')
+        out.write('    uniform token subdivisionScheme = "none"\n')
         out.write(f"    int[] faceVertexCounts = [{', '.join(str(len(face)) for face in faces)}]\n")
         out.write(f"    int[] faceVertexIndices = [{flat(faces)}]\n")
         out.write("    point3f[] points.timeSamples = {\n")

@@ -13,6 +13,9 @@ scene.background = new THREE.Color("#ece8e1");
 scene.add(new THREE.HemisphereLight("#fff", "#776", 2));
 const sun = new THREE.DirectionalLight("#fff", 2.5);
 sun.castShadow = true;
+sun.shadow.mapSize.set(2048, 2048);
+sun.shadow.bias = -0.002;
+Object.assign(sun.shadow.camera, { left: -1.5, right: 1.5, top: 1.5, bottom: -1.5, near: 1, far: 8 });
 const floor = new THREE.Mesh(new THREE.PlaneGeometry(60, 60), new THREE.MeshStandardMaterial({ color: "#d9d3c7" }));
 floor.rotation.x = -Math.PI / 2;
 floor.receiveShadow = true;
@@ -20,7 +23,12 @@ scene.add(sun, sun.target, floor);
 
 // The character, in the pose in which it was modelled.
 const { scene: character, animations } = await new GLTFLoader().loadAsync("mannequin.glb");
-character.traverse((part) => (part.castShadow = true));
+character.traverse((part) => {
+  part.castShadow = true;
+  // The file has no normals.
+  part.geometry?.computeVertexNormals();
+  if (part.material) part.material.flatShading = false;
+});
 scene.add(character);
 character.updateWorldMatrix(true, true);
 // three.js writes names of bones without spaces.

@@ -42,6 +42,18 @@ async function pace(page, seconds) {
   return { steps_per_second: (1000 * (after.number - before.number)) / (after.at - before.at), drawn_per_second: after.fps };
 }
 
+/** Steps of each second by the session's own clock, where they change, over `seconds`: at this page a frame arrives late that is drawn late. */
+const eachSecond = (page, seconds) =>
+  page.evaluate(async (seconds) => {
+    const [began, found] = [performance.now(), []];
+    for (let last; performance.now() - began < 1000 * seconds; await new Promise((done) => setTimeout(done, 30))) {
+      const { kept, frame_rate } = window.selvedge.state;
+      if (kept !== last) found.push((kept * frame_rate).toFixed(1));
+      last = kept;
+    }
+    return found.join(" ");
+  }, seconds);
+
 /** Leaves the drawing out: software GL takes the processor that a graphics card would spare. */
 const withoutDrawing = (page) => page.evaluate(() => (window.selvedge.stage.renderer.render = () => {}));
 
@@ -106,17 +118,18 @@ async function playback() {
   return { vertices, drawn, undrawn };
 }
 
-/** The page without a program, as it opens: its scene from the first step on, drawn and not. */
+/** The page without a program, as it opens: its scene from the first picture on, then from its first step again, drawn and not. */
 async function pageTime() {
   const served = await serve("dist");
   const { context, close } = await browser(small);
   const page = await open(context, served.url);
-  const found = {};
+  const found = { opened: { each_second: await eachSecond(page, 4.5) } };
   for (const name of ["drawn", "undrawn"]) {
     if (name === "undrawn") await withoutDrawing(page);
     await page.click("#reset");
     await page.waitForTimeout(200);
-    found[name] = await pace(page, 4);
+    const each = eachSecond(page, 4.5);
+    found[name] = { ...(await pace(page, 4)), each_second: await each };
   }
   const { scene, step_ms } = await page.evaluate(() => ({ scene: document.querySelector("#scene").value, step_ms: window.selvedge.state.tracks[0].step_ms }));
   await close();

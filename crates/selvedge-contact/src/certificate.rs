@@ -11,6 +11,7 @@
 use glam::DVec3;
 
 use crate::closest::{Gap, along_axes, gap};
+use crate::number::Number;
 use crate::pair::Kind;
 
 /// Shortest span that gets a direction of its own, before a pair counts as not safe.
@@ -201,10 +202,10 @@ fn is_apart(
 #[inline]
 pub fn approach(kind: Kind, ways: [DVec3; 4]) -> f64 {
     let [a, b, c, d] = ways;
-    let apart = |p: DVec3, q: DVec3| (p - q).length_squared();
+    let way = |p: DVec3, q: DVec3| (p - q).length_squared();
     let most = match kind {
-        Kind::VertexFace => apart(a, b).max(apart(a, c)).max(apart(a, d)),
-        Kind::EdgeEdge => (apart(a, c).max(apart(a, d))).max(apart(b, c).max(apart(b, d))),
+        Kind::VertexFace => (way(a, b).greater(way(a, c))).greater(way(a, d)),
+        Kind::EdgeEdge => (way(a, c).greater(way(a, d))).greater(way(b, c).greater(way(b, d))),
     };
     most.sqrt()
 }
@@ -215,11 +216,7 @@ pub fn approach(kind: Kind, ways: [DVec3; 4]) -> f64 {
 #[must_use]
 #[inline]
 pub fn extent(kind: Kind, corners: [DVec3; 4], direction: DVec3) -> f64 {
-    let [a, b, c, d] = corners.map(|corner| corner.dot(direction));
-    match kind {
-        Kind::VertexFace => a - b.max(c).max(d),
-        Kind::EdgeEdge => a.min(b) - c.max(d),
-    }
+    crate::eight::extent::<f64>(kind, corners, direction)
 }
 
 /// The direction across both features: a face's normal, or that across two edges.

@@ -3,6 +3,7 @@
 
 use glam::DVec3;
 
+use crate::eight::ratio;
 use crate::pair::Kind;
 
 /// The closest points of a pair.
@@ -151,12 +152,6 @@ fn edge_edge(corners: [DVec3; 4]) -> [f64; 4] {
     offer(ratio(-ur, uu), 0.0);
     offer(ratio(uv - ur, uu), 1.0);
     best.0
-}
-
-/// `part` of `whole`, within 0 and 1; 0 of nothing.
-#[inline]
-fn ratio(part: f64, whole: f64) -> f64 {
-    if whole > 0.0 { (part / whole).clamp(0.0, 1.0) } else { 0.0 }
 }
 
 /// A push on the four corners of a pair.

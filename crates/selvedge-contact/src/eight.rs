@@ -103,8 +103,9 @@ impl OfGaps<'_> {
     }
 }
 
+/// As [`extent`](crate::extent()).
 #[inline(always)]
-fn extent<N: Number>(kind: Kind, corners: [N::Vector; 4], direction: N::Vector) -> N {
+pub(crate) fn extent<N: Number>(kind: Kind, corners: [N::Vector; 4], direction: N::Vector) -> N {
     let [a, b, c, d] = corners;
     let (a, b, c, d) = (
         a.dot(direction),
@@ -118,9 +119,9 @@ fn extent<N: Number>(kind: Kind, corners: [N::Vector; 4], direction: N::Vector) 
     }
 }
 
-/// As `closest::ratio`.
+/// `part` of `whole`, within 0 and 1; 0 of nothing.
 #[inline(always)]
-fn ratio<N: Number>(part: N, whole: N) -> N {
+pub(crate) fn ratio<N: Number>(part: N, whole: N) -> N {
     let zero = part.same(0.0);
     let within = (part / whole).at_least(0.0).at_most(1.0);
     N::pick(zero.below(whole), within, zero)

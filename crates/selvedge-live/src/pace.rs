@@ -1,8 +1,8 @@
 //! The clock of a session: one frame per 1/rate seconds, and slower time where a frame takes
 //! longer.
 //!
-//! A frame that is late is not made up for by a burst of others: time itself slows, evenly, and
-//! [`Pace::kept`] says by how much.
+//! A few slow frames are made up for by those that follow. A frame that is later than that is not made up for by a burst
+//! of others: time itself slows, evenly, and [`Pace::kept`] says by how much.
 
 use std::time::Duration;
 
@@ -22,8 +22,8 @@ pub(crate) struct Pace {
 /// The rate of a session before its first cloth `[1/s]`: the default of scenes.
 pub(crate) use selvedge_cloth::DEFAULT_FRAME_RATE;
 
-/// A frame may be so late and the next still comes on time.
-const GRACE: Duration = Duration::from_millis(25);
+/// A frame may be so late and the next still comes on time: four frames of 60 a second, as a cloth on a character catches up.
+const GRACE: Duration = Duration::from_millis(67);
 
 impl Pace {
     pub(crate) fn new(frames_per_second: f64, now: Instant) -> Self {
@@ -98,6 +98,20 @@ mod tests {
             let kept = pace.kept();
             assert!(share.contains(&kept), "{cost_ms} ms: {kept}");
         }
+    }
+
+    #[test]
+    fn a_few_slow_frames_are_made_up_for() {
+        let start = Instant::now();
+        let mut pace = Pace::new(60.0, start);
+        let mut now = start;
+        // Four frames of 30 ms, then quick ones: 60 in a second all the same.
+        for frame in 0..60 {
+            now += pace.wait(now) + Duration::from_millis(if frame < 4 { 30 } else { 5 });
+            pace.made(now);
+        }
+        let over = now.duration_since(start);
+        assert!(over < Duration::from_millis(1000), "{over:?}");
     }
 
     #[test]

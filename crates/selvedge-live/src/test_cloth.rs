@@ -61,6 +61,8 @@ pub(crate) fn order(scene: &str) -> Order {
 pub(crate) struct TestWorkshop {
     /// The time that a step takes.
     pub(crate) cost: Duration,
+    /// The fall of a free vertex in a frame `[m]`.
+    pub(crate) fall: f32,
     /// Hears that "slow" is begun with.
     pub(crate) begun: Option<mpsc::Sender<()>>,
 }
@@ -84,9 +86,9 @@ impl Workshop for TestWorkshop {
         let mut go_on = || progress(format!("{} half way", order.scene)).is_continue();
         while go_on() {
             if order.scene != "slow" {
-                let cost = self.cost;
                 let cloth = TestCloth {
-                    cost,
+                    cost: self.cost,
+                    fall: self.fall,
                     ..TestCloth::default()
                 };
                 return Ok(Box::new(cloth.ready()));

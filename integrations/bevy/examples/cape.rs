@@ -74,7 +74,7 @@ pub(crate) fn dress(world: &mut World, scene: &str) -> Result<Entity> {
 }
 
 /// Walks along a circle at 1.3 m/s, and leaps to its other side every 200 frames.
-fn walk(
+pub(crate) fn walk(
     time: Res<Time>,
     mut character: Query<&mut Transform, With<Character>>,
     mut bones: Query<(&Bone, &mut Transform), Without<Character>>,

@@ -5,7 +5,9 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use selvedge_cloth::HandleTargets;
 use tokio::sync::watch;
+use web_time::Instant;
 
 use super::{Feed, Opening, Request, Session, SlotWriters};
 use crate::order::{Catalogue, Order};
@@ -15,6 +17,10 @@ use crate::workshop::Workshop;
 
 /// The number of the only page.
 const PAGE: u32 = 1;
+
+/// Frames that a cloth takes before its first one, and the longest time for them.
+const WARM_UP: usize = 12;
+const LONGEST_WARM_UP: Duration = Duration::from_millis(300);
 
 /// A session that its host drives: messages go in by [`receive`](Self::receive), and
 /// [`turn`](Self::turn) does what is due and hands out messages.
@@ -92,11 +98,32 @@ impl EmbeddedSession {
             // The page is told before the first step, which may be long.
             let _ = tell("making the cloth ready".to_owned());
             let prepared = self.workshop.prepare(&order, &mut tell);
+            let is_made = prepared.is_ok();
             self.session.take(Request::Prepared(order, prepared));
+            if is_made {
+                self.post(post);
+                self.warm_up();
+            }
         }
         self.session.turn();
         self.post(post);
         self.session.wait()
+    }
+
+    /// Steps the cloth that was just made, which the page draws meanwhile, and puts it back to its beginning: an engine
+    /// compiles the solver in its first frames, which take up to 0.1 s.
+    fn warm_up(&mut self) {
+        let began = Instant::now();
+        while let Some(live) = &mut self.session.showing.live
+            && live.frame() < WARM_UP
+            && began.elapsed() < LONGEST_WARM_UP
+            && let Ok(targets) = HandleTargets::at_frame_end(live.handle_places())
+        {
+            live.step(&targets, true);
+        }
+        let reset = ClientMessage::Command(protocol::Command::Reset);
+        self.session.take(Request::Page(PAGE, reset));
+        self.session.time.pace.restart(Instant::now());
     }
 
     fn post(&mut self, post: &mut dyn FnMut(&[u8])) {
@@ -127,7 +154,7 @@ mod tests {
     use crate::mover::Mover;
     use crate::protocol::{VERSION, kind};
     use crate::session::feed::AHEAD;
-    use crate::test_cloth::{TestWorkshop, order};
+    use crate::test_cloth::{CORNERS, TestWorkshop, order};
 
     fn session() -> EmbeddedSession {
         let opening = Opening {
@@ -159,12 +186,31 @@ mod tests {
         let kinds: Vec<u8> = all.iter().map(|message| message[1]).collect();
         assert_eq!(kinds[0], kind::HELLO);
         let cloth = kinds.iter().position(|found| *found == kind::CLOTH);
-        assert_eq!(cloth, Some(kinds.len() - 2));
+        assert_eq!(kinds[cloth.unwrap() + 1], kind::FRAME);
         let busy = all.iter().filter(|message| message[1] == kind::STATE);
         let busy: Vec<Value> = busy
             .map(|state| serde_json::from_slice::<Value>(&state[4..]).unwrap()["busy"].clone())
             .collect();
         assert!(busy.contains(&Value::from("corners half way")), "{busy:?}");
+    }
+
+    #[test]
+    fn the_first_frame_of_a_page_is_the_first_of_the_scene() {
+        let opening = Opening {
+            order: order("corners"),
+            mover: Mover::Physics,
+            replay: None,
+        };
+        let workshop = TestWorkshop {
+            fall: 0.25,
+            ..TestWorkshop::default()
+        };
+        let mut session = EmbeddedSession::new(Box::new(workshop), opening, None);
+        until(&mut session, kind::FRAME);
+        let live = session.session.showing.live.as_ref().unwrap();
+        assert_eq!(live.frame(), 1);
+        let fallen = CORNERS[2] - glam::Vec3::Y * 0.25;
+        assert_eq!(live.positions()[0][2], fallen);
     }
 
     #[test]

@@ -1,6 +1,8 @@
 //! The push of a gap that is too small: a cubic barrier with a stiffness tied to mass over time
 //! squared, so that it stays in proportion to the rest of the system.
 
+use selvedge_contact::number::Number;
+
 use super::pressure::Pressure;
 
 /// Least gap to which a pair that meets at speed is let, as a part of the thickness.
@@ -69,8 +71,8 @@ impl Barrier {
     /// (ĝ/2g)², so that nothing is too heavy. Below [`STEEPEST`] the tangent there serves.
     /// `[eq:contact-barrier]`
     fn tangent(&self, gap: f64) -> Tangent {
-        let gap = gap.max(STEEPEST * self.thickness);
-        let part = (1.0 - gap / self.thickness).max(0.0);
+        let gap = gap.at_least(STEEPEST * self.thickness);
+        let part = (1.0 - gap / self.thickness).at_least(0.0);
         if gap >= 0.5 * self.thickness {
             return Tangent {
                 gap,
@@ -100,12 +102,12 @@ impl Barrier {
         if let (Some(firm), true) = (self.pressure.firm(start, self.thickness), expected >= start) {
             return self.recoil(start, expected, firm);
         }
-        let usual = self.part(self.share, start.max(expected).min(self.thickness));
-        let least = (LEAST * self.thickness).min(start);
+        let usual = self.part(self.share, start.at_least(expected).at_most(self.thickness));
+        let least = (LEAST * self.thickness).at_most(start);
         if self.alone(&usual, expected) >= least {
             usual
         } else {
-            self.part(self.share.max(AT_SPEED), least)
+            self.part(self.share.at_least(AT_SPEED), least)
         }
     }
 
@@ -150,15 +152,16 @@ impl Barrier {
 
     /// The tangent at `gap`, whatever is expected.
     pub(super) fn at(&self, gap: f64) -> Tangent {
-        self.pressed(self.tangent(gap.min(self.thickness)))
+        self.pressed(self.tangent(gap.at_most(self.thickness)))
     }
 
     /// The force that a pair on its way from `start` to `expected` is expected to bear `[N]`: what stops it
     /// alone, or the pressure at the start where that is more, as between two bodies.
     pub(super) fn bears(&self, tangent: &Tangent, start: f64, expected: f64) -> f64 {
-        let end = self.alone(tangent, expected).min(expected.max(tangent.gap));
+        let most = expected.at_least(tangent.gap);
+        let end = self.alone(tangent, expected).at_most(most);
         let pressure = self.pressure.tangent(start, self.thickness);
-        tangent.force_at(end).max(pressure.force_at(start))
+        tangent.force_at(end).at_least(pressure.force_at(start))
     }
 }
 

@@ -216,7 +216,7 @@ impl Contact {
         if known.extent >= floor {
             let extent = extent(pair.kind, pair.places(&self.end), known.direction) - radius;
             if extent >= floor {
-                known.reach = known.reach.max(0.0);
+                known.reach = if known.reach > 0.0 { known.reach } else { 0.0 };
                 return None;
             }
         }

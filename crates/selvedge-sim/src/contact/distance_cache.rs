@@ -2,6 +2,7 @@
 //! whose points cannot have come near needs no look. Nor does one whose two sides go the same way.
 
 use glam::DVec3;
+use selvedge_contact::number::Number;
 use selvedge_contact::{Pair, approach};
 
 /// Rounding of sums of distances `[m]`.
@@ -103,7 +104,7 @@ impl PathLengths {
     /// Longest way of a point in the solve `[m]`.
     pub(super) fn longest_way(&self) -> f64 {
         let squares = self.ways.iter().map(|way| way.length_squared());
-        squares.fold(0.0, f64::max).sqrt()
+        squares.fold(0.0, f64::at_least).sqrt()
     }
 
     /// Returns true if a pair of this `budget` `[m]` surely stays more than `distance` `[m]` apart
@@ -130,7 +131,7 @@ impl PathLengths {
     pub(super) fn budget(&self, pair: &Pair, distance: f64) -> f64 {
         let ways = pair.corners.map(|p| self.travelled[p as usize]);
         let (first, second) = ways.split_at(pair.kind.split());
-        let least = |side: &[f64]| side.iter().copied().fold(f64::INFINITY, f64::min);
+        let least = |side: &[f64]| side.iter().copied().fold(f64::INFINITY, f64::at_most);
         distance + least(first) + least(second)
     }
 }
@@ -140,7 +141,7 @@ impl PathLengths {
 fn furthest(pair: &Pair, lengths: &[f64]) -> f64 {
     let ways = pair.corners.map(|p| lengths[p as usize]);
     let (first, second) = ways.split_at(pair.kind.split());
-    let most = |side: &[f64]| side.iter().copied().fold(0.0, f64::max);
+    let most = |side: &[f64]| side.iter().copied().fold(0.0, f64::at_least);
     most(first) + most(second)
 }
 

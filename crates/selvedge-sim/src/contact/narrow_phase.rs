@@ -5,7 +5,7 @@
 
 use glam::DVec3;
 use selvedge_cloth::CaughtPair;
-use selvedge_contact::number::{GROUP, of_lane};
+use selvedge_contact::number::{GROUP, Number, of_lane};
 use selvedge_contact::{Gap, Gaps, Kind, Pair, Path, certify, gap, gaps};
 
 use super::Contact;
@@ -175,7 +175,7 @@ impl Contact {
         let (along, across) = (b - a, d - c);
         // From the gap to the nearest end.
         let [w0, w1, w2, w3] = gap.weights.map(f64::abs);
-        let away = (along.length() * w0.min(w1)).min(across.length() * w2.min(w3));
+        let away = (along.length() * w0.at_most(w1)).at_most(across.length() * w2.at_most(w3));
         if away <= 1e-3 * thickness {
             return 0.0;
         }
@@ -188,12 +188,12 @@ impl Contact {
         let bulge = if ends(pair.first) && ends(pair.second) {
             away
         } else {
-            -leans[0].min(leans[1]) * away
+            -leans[0].at_most(leans[1]) * away
         };
         [
             bulge / (BULGE * thickness),
             sine / PARALLEL,
-            1.0 - leans[0].max(leans[1]) / LEAN,
+            1.0 - leans[0].at_least(leans[1]) / LEAN,
         ]
         .into_iter()
         .map(|part| part.clamp(0.0, 1.0))
@@ -218,7 +218,7 @@ impl Contact {
         let ends = own
             .iter()
             .map(|end| gap(Kind::VertexFace, [*end, a, b, c]).distance);
-        let nearer = ends.fold(f64::INFINITY, f64::min) - gap(pair.kind, corners).distance;
+        let nearer = ends.fold(f64::INFINITY, f64::at_most) - gap(pair.kind, corners).distance;
         ((nearer / thickness - SLIGHT) / BULGE).clamp(0.0, 1.0)
     }
 
@@ -233,7 +233,7 @@ impl Contact {
             let arm = (arm - along * along.dot(arm)).normalize_or_zero();
             arm.dot(towards)
         });
-        wings.fold(f64::NEG_INFINITY, f64::max)
+        wings.fold(f64::NEG_INFINITY, f64::at_least)
     }
 }
 

@@ -101,10 +101,10 @@ impl BendElement {
     #[must_use]
     #[inline(always)]
     pub fn stiffness_at(&self, curvature: f64) -> f64 {
-        let value = curvature.min((COLUMNS - 1) as f64);
-        let low = (value.max(0.0) as usize).min(COLUMNS - 2);
+        let value = curvature.at_most((COLUMNS - 1) as f64);
+        let low = (value.at_least(0.0) as usize).min(COLUMNS - 2);
         let between = value - low as f64;
-        ((1.0 - between) * self.stiffness[low] + between * self.stiffness[low + 1]).max(0.0)
+        ((1.0 - between) * self.stiffness[low] + between * self.stiffness[low + 1]).at_least(0.0)
     }
 
     /// Force and Jacobian at these corner positions `[m]`.

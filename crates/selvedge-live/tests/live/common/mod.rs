@@ -36,7 +36,10 @@ pub(crate) fn served(cost: Duration, folder: PathBuf) -> Served {
         mover: Mover::Physics,
         replay: None,
     };
-    let workshop = Box::new(TestWorkshop { cost, begun: None });
+    let workshop = Box::new(TestWorkshop {
+        cost,
+        ..TestWorkshop::default()
+    });
     let session = start(workshop, opening, folder).unwrap();
     let settings = ServerSettings {
         address: SocketAddr::from(([127, 0, 0, 1], 0)),
