@@ -181,7 +181,7 @@ impl Simulator {
             contact.take_back(&self.state.positions);
         }
         if let Some(tape) = &mut self.active.system.tape {
-            tape.substeps.clear();
+            tape.truncate(0);
         }
         let mut finest = substeps;
         // Parts of the frame that are done, and how many of their length it has.
@@ -206,14 +206,21 @@ impl Simulator {
             if self.contact.is_some() {
                 self.save(PART);
             }
+            let settled = self.active.system.tape.as_ref().map(|tape| tape.settled());
             match self.solve(part) {
                 Ok(Advance::TooLong) | Err(StepError::Contact { .. }) if part.may_divide => {
                     self.put_back(PART);
+                    if let (Some(tape), Some(settled)) = (&mut self.active.system.tape, settled) {
+                        tape.truncate(settled);
+                    }
                     self.active.system.forget_changes();
                     (done, parts) = (2 * done, 2 * parts);
                     finest = finest.max(parts);
                 }
                 Ok(_) => {
+                    if let Some(tape) = &mut self.active.system.tape {
+                        tape.settle(fraction);
+                    }
                     done += 1;
                     while parts > substeps && done % 2 == 0 {
                         (done, parts) = (done / 2, parts / 2);

@@ -7,7 +7,7 @@
 
 use glam::DVec3;
 use selvedge_cloth::{
-    AirLaw, ElasticLaw, Environment, HandleTargets, Scene, Snapshot, StepError, Stepper,
+    AirLaw, ElasticLaw, Environment, Integrator, HandleTargets, Scene, Snapshot, StepError, Stepper,
 };
 use thiserror::Error;
 
@@ -210,7 +210,7 @@ impl Simulator {
         let last = recording.frames.len() - 1;
         if let Some(tape) = &mut self.active.system.tape {
             let bytes = tape.bytes();
-            recording.keep(last, std::mem::take(&mut tape.substeps), bytes);
+            recording.keep(last, tape.take(), bytes);
         }
         let segment = recording.settings.segment.max(1);
         while recording.bytes > recording.settings.memory && recording.forgotten + segment <= last {
@@ -251,6 +251,7 @@ impl Simulator {
         let vertices = self.rounded.len();
         let mut state = State::at_origin(vertices);
         let mut before = State::at_origin(vertices);
+        let mut anchors = Vec::new();
         let mut ask = |frame: usize, state: &mut State| {
             let mut by = StateGradient {
                 positions: std::mem::take(&mut state.positions),
@@ -288,14 +289,14 @@ impl Simulator {
             solver.system.set_environment(frame.environment);
             let active: Vec<usize> = (0..handles.len()).filter(|h| frame.holds[*h]).collect();
             let mut reached = vec![DVec3::ZERO; handles.len()];
-            let count = frame.substeps.len();
             let by_gravity = sums.gravity;
-            for (number, substep) in frame.substeps.iter().enumerate().rev() {
+            for substep in frame.substeps.iter().rev() {
                 let mut by_targets = vec![DVec3::ZERO; active.len()];
                 let mut pulled = Pulled {
                     state: &mut state,
                     before: &mut before,
                     targets: &mut by_targets,
+                    anchors: &mut anchors,
                     sums: &mut sums,
                 };
                 let solved = solver.pull_back(substep, &mut pulled);
@@ -303,10 +304,9 @@ impl Simulator {
                     frame: k + 1,
                     cause: error.to_string(),
                 })?;
-                let fraction = (number + 1) as f64 / count as f64;
                 for (handle, by) in active.iter().zip(by_targets) {
                     let into = &mut targets[k];
-                    reached[*handle] += frame.targets.pull_back(*handle, fraction, by, into);
+                    reached[*handle] += frame.targets.pull_back(*handle, substep.fraction, by, into);
                 }
             }
             // An onset scales what the scene has.
@@ -370,9 +370,9 @@ impl Simulator {
         for k in first..=k {
             self.active.system.tape = Some(Box::default());
             self.step(&recording.frames[k].targets.clone())?;
-            if let Some(tape) = self.active.system.tape.take() {
+            if let Some(mut tape) = self.active.system.tape.take() {
                 let bytes = tape.bytes();
-                recording.keep(k, tape.substeps, bytes);
+                recording.keep(k, tape.take(), bytes);
             }
         }
         Ok(())
@@ -389,9 +389,9 @@ pub(crate) fn check(scene: &Scene) -> Result<(), GradientError> {
             remedy,
         })
     };
-    if scene.contact.is_some() {
-        let remedy = "remove `contact` and the obstacles";
-        return refused("contact", "", remedy);
+    if scene.contact.is_some() && scene.physics.integrator == Integrator::Linearised {
+        let remedy = "take \"generalised-alpha\", or remove `contact` and the obstacles";
+        return refused("physics.integrator", "\"linearised\" with contact", remedy);
     }
     if scene.physics.law != ElasticLaw::Energy {
         let remedy = "write \"energy\", the only law that has an energy";

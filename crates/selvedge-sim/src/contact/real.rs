@@ -1,0 +1,28 @@
+//! Numbers of the laws of contact: f64, or with a derivative.
+
+use selvedge_cloth::geometry::exp;
+use selvedge_contact::number::{Dual, Number};
+
+/// A number, whose comparisons choose one branch.
+pub(super) trait Real: Number<Mask = bool> {
+    /// e to the power of this.
+    fn exp(self) -> Self;
+}
+
+impl Real for f64 {
+    #[inline]
+    fn exp(self) -> Self {
+        exp(self)
+    }
+}
+
+impl Real for Dual {
+    #[inline]
+    fn exp(self) -> Self {
+        let value = exp(self.value);
+        Self {
+            value,
+            rate: self.rate * value,
+        }
+    }
+}

@@ -1,0 +1,136 @@
+//! Gradients of runs with contact against central differences.
+
+use glam::DVec3;
+use selvedge_cloth::{ContactSettings, Obstacle, bodies};
+
+use crate::differences::{Case, vectors};
+use crate::scenes::{GRAY, material};
+use crate::sheets::{grid, scene};
+
+/// A rumpled sheet of 6 by 6 squares that falls on these bodies.
+fn falling(obstacles: Vec<Obstacle>, friction: f64, frames: usize) -> Case {
+    let mesh = grid(6, 6, 0.05, |p| DVec3::new(p.x - 0.15, 0.004, p.y - 0.15));
+    let mut scene = scene(mesh, material(GRAY), &[]);
+    scene.obstacles = obstacles;
+    scene.contact = Some(ContactSettings {
+        thickness: 2e-3,
+        friction,
+        ..ContactSettings::default()
+    });
+    scene.environment.air_density = 1.2;
+    let start = scene.mesh.positions();
+    let count = start.len();
+    let rumpled = start.iter().zip(vectors(0, count));
+    Case {
+        positions: rumpled.map(|(x, n)| *x + n * 1e-3).collect(),
+        velocities: vectors(500, count).iter().map(|n| *n * 0.02).collect(),
+        targets: vec![(Vec::new(), Vec::new()); frames],
+        scene,
+    }
+}
+
+impl Case {
+    /// Errors of the gradient along some directions of the start and by gravity, relative to the greater of
+    /// the slope and the size of what it belongs to.
+    fn errors(&self) -> Vec<(String, f64)> {
+        let gradient = self.gradient();
+        let count = self.positions.len();
+        let dot =
+            |a: &[DVec3], b: &[DVec3]| -> f64 { a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum() };
+        let mut errors = Vec::new();
+        let mut keep = |name: String, found: f64, slope: f64, scale: f64| {
+            let error = (found - slope).abs() / found.abs().max(slope.abs()).max(scale);
+            errors.push((name, error));
+        };
+        for k in 0..4 {
+            let along = vectors(3000 + 100 * k, count);
+            let by = &gradient.start.positions;
+            let is = dot(by, &along);
+            let slope = self.slope(is, 1e-8, |case, part| {
+                let moved = case.positions.iter_mut().zip(&along);
+                moved.for_each(|(x, n)| *x += *n * part);
+            });
+            keep(format!("positions {k}"), is, slope, dot(by, by).sqrt());
+            let by = &gradient.start.velocities;
+            let is = dot(by, &along);
+            let slope = self.slope(is, 1e-7, |case, part| {
+                let moved = case.velocities.iter_mut().zip(&along);
+                moved.for_each(|(x, n)| *x += *n * part);
+            });
+            keep(format!("velocities {k}"), is, slope, dot(by, by).sqrt());
+        }
+        for axis in 0..3 {
+            let by = gradient.gravity;
+            let slope = self.slope(by[axis], 1e-5, |case, part| {
+                case.scene.environment.gravity[axis] += part;
+            });
+            keep(format!("gravity {axis}"), by[axis], slope, by.length());
+        }
+        errors
+    }
+}
+
+fn ball() -> Vec<Obstacle> {
+    let ball = bodies::sphere(0.2, 0.1).placed(1.0, |p| p + DVec3::new(0.01, -0.2, 0.02));
+    vec![Obstacle::of("ball", ball).unwrap()]
+}
+
+fn floor() -> Vec<Obstacle> {
+    let floor = bodies::plane([1.0, 1.0]);
+    vec![Obstacle::of("floor", floor).unwrap()]
+}
+
+fn show(name: &str, case: &Case) {
+    if std::env::var("SHOW").is_ok() {
+        println!("{name}");
+        case.gradient();
+    }
+    use selvedge_cloth::Stepper;
+    let mut simulator = case.simulator();
+    for _ in 0..case.targets.len() {
+        simulator.step(&selvedge_cloth::HandleTargets::at_frame_end(Vec::new()).unwrap()).unwrap();
+    }
+    let stats = simulator.stats();
+    let mut errors = case.errors();
+    errors.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let c = stats.contact;
+    println!("{name}: median {:.1e} worst {:?}; fell back {} repeated {} projected {} divisions {} touching {}", errors[errors.len() / 2].1, errors.last().unwrap(), stats.substeps.fell_back, c.repeated, c.projected, c.divisions, c.touching);
+}
+
+#[test]
+fn errors() {
+    let which = std::env::var("WHICH").unwrap_or_default();
+    for friction in [0.0, 0.4] {
+        for frames in std::env::var("FRAMES").map_or(vec![1, 2, 3, 4, 6, 10, 30], |f| vec![f.parse().unwrap()]) {
+            if which.contains("floor") {
+                let mut case = falling(floor(), friction, frames);
+                for (k, p) in case.positions.iter_mut().enumerate() {
+                    *p = case.scene.mesh.positions()[k] + vectors(0, 49)[k] * 1e-4 - DVec3::Y * 0.0022;
+                }
+                show(&format!("floor {friction} {frames}"), &case);
+                case.velocities.iter_mut().for_each(|v| v.x += 0.3);
+                show(&format!("floor, slides {friction} {frames}"), &case);
+            }
+            if which.contains("fall") {
+                show(&format!("fall {friction} {frames}"), &falling(floor(), friction, frames));
+            }
+            if which.contains("warm") {
+                use selvedge_cloth::Stepper;
+                for warm in 1..12 {
+                    let mut case = falling(ball(), friction, frames);
+                    let mut simulator = case.simulator();
+                    for _ in 0..warm {
+                        simulator.step(&selvedge_cloth::HandleTargets::at_frame_end(Vec::new()).unwrap()).unwrap();
+                    }
+                    case.positions = simulator.positions_f64().to_vec();
+                    case.velocities = simulator.velocities_f64().to_vec();
+                    case.scene.physics.substeps = std::env::var("SUB").map_or(1, |s| s.parse().unwrap());
+                    show(&format!("warm {warm} {friction} {frames}"), &case);
+                }
+            }
+            if which.contains("ball") {
+                show(&format!("ball {friction} {frames}"), &falling(ball(), friction, frames));
+            }
+        }
+    }
+}
