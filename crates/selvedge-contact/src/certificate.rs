@@ -169,9 +169,8 @@ pub fn at_impact<N: Number<Mask = bool>>(
     [from, to]: [[N::Vector; 4]; 2],
     distance: f64,
 ) -> [N::Vector; 4] {
-    let lerp = |part: N| -> [N::Vector; 4] {
-        std::array::from_fn(|k| from[k] + (to[k] - from[k]) * part)
-    };
+    let lerp =
+        |part: N| -> [N::Vector; 4] { std::array::from_fn(|k| from[k] + (to[k] - from[k]) * part) };
     let one = from[0].components()[0].same(1.0);
     let (mut safe, mut place, mut span) = (one.same(0.0), 0.0, FIRST_SPAN);
     loop {
@@ -187,8 +186,8 @@ pub fn at_impact<N: Number<Mask = bool>>(
         let normal = between / between.dot(between).sqrt();
         let first: N = crate::eight::extent::<N>(kind, now, normal) - distance;
         let last: N = crate::eight::extent::<N>(kind, to, normal) - distance;
-        let [start, end] = [path.at(place), path.to]
-            .map(|corners| extent(kind, corners, here.normal) - distance);
+        let [start, end] =
+            [path.at(place), path.to].map(|corners| extent(kind, corners, here.normal) - distance);
         let mut step = (one - safe) * CAUTION * (first / (first - last));
         let mut length = CAUTION * (1.0 - place) * (start / (start - end)).max(0.0);
         span = span.max(SHORTEST);

@@ -204,7 +204,9 @@ impl Contact {
                     let mut tape = self.collision_tape(collision, way);
                     let is_half = |(own, _): &(Collision, CollisionTape)| {
                         let is_start = matches!(own.met, Met::Start);
-                        is_start && collision.at == Some(0.5 * own.gap) && own.response.tangent.gap == own.gap
+                        is_start
+                            && collision.at == Some(0.5 * own.gap)
+                            && own.response.tangent.gap == own.gap
                     };
                     tape.at = match collision.at {
                         Some(at) if at == collision.gap => At::Start,
@@ -214,15 +216,13 @@ impl Contact {
                     tape
                 })
                 .collect();
-            last = solve.collisions.list.iter().cloned().zip(solve.came_from.iter().cloned()).collect();
-            if std::env::var("SHOW").is_ok() {
-                println!("solve: {} before {:?} near {:?}", solve.collisions.list.len(), substep.before.is_some(), substep.touching);
-                for (c, t) in solve.collisions.list.iter().zip(&solve.came_from) {
-                    let odd = t.way.is_none() || matches!(t.at, At::Fixed) && c.at.is_some_and(|at| at != LEAST * c.thickness) || matches!(t.share, Share::Fixed) && !matches!(c.law, PairLaw::Barrier { share } if share == 1.0);
-                    if !odd && std::env::var("ODD").is_ok() { continue; }
-                    println!("  {:?} {:?} met {:?} told {} at {:?} share {} {:?} law {:?} gap {:.2e} tangent {:?} stick {:?} pull {}", c.pair, c.is_of_core, c.met, t.way.is_some(), c.at, matches!(t.share, Share::Fixed), t.at, c.law, c.gap, c.response.tangent, c.sticking, c.pull.length());
-                }
-            }
+            last = solve
+                .collisions
+                .list
+                .iter()
+                .cloned()
+                .zip(solve.came_from.iter().cloned())
+                .collect();
             let places = solve.at.positions.iter().zip(&solve.changes).enumerate();
             let end = |(v, (at, change)): (usize, (&DVec3, &DVec3))| {
                 let start = self.start[v];
@@ -236,7 +236,8 @@ impl Contact {
         let corners = collision.corners.map(|corner| corner as usize);
         let is_cloth = corners.map(|corner| corner < self.mass.len());
         let starts = corners.map(|corner| self.start[corner]);
-        let gone = |k: usize| if is_cloth[k] { DVec3::ZERO } else { self.end[corners[k]] - starts[k] };
+        let gone =
+            |k: usize| if is_cloth[k] { DVec3::ZERO } else { self.end[corners[k]] - starts[k] };
         let (kind, [first, second]) = match collision.pair {
             Touching::Vertex { vertex, other } => (Kind::VertexFace, [vertex, other]),
             Touching::Edges { first, second } => (Kind::EdgeEdge, [first, second]),
@@ -275,22 +276,20 @@ impl Contact {
 }
 
 impl Contact {
-    fn share_tape(
-        &self,
-        collision: &Collision,
-        pair: &Pair,
-        is_round: bool,
-    ) -> Share {
+    fn share_tape(&self, collision: &Collision, pair: &Pair, is_round: bool) -> Share {
         let PairLaw::Barrier { share } = collision.law else {
             return Share::Fixed;
         };
         let (starts, thickness) = (pair.places(&self.start), collision.thickness);
         let (from, found) = if is_round {
-            (Share::Round, round_share::<f64>(pair.kind, starts, thickness))
+            (
+                Share::Round,
+                round_share::<f64>(pair.kind, starts, thickness),
+            )
         } else if pair.kind == Kind::EdgeEdge {
-            let wings = self.wings(pair).map(|wings| {
-                wings.map(|wing| wing.map(|vertex| (vertex, self.start[vertex])))
-            });
+            let wings = self
+                .wings(pair)
+                .map(|wings| wings.map(|wing| wing.map(|vertex| (vertex, self.start[vertex]))));
             let places = wings.map(|wings| wings.map(|wing| wing.map(|(_, place)| place)));
             // Those of a body's corners are dropped.
             let weights = weights::<f64>(pair.kind, starts);
@@ -469,7 +468,8 @@ impl Collision {
         let weights = weights::<N>(tape.kind, met);
         let zero = lift(one, DVec3::ZERO);
         let (mut between, mut apart, mut drift) = (zero, zero, zero);
-        let (mut squares, mut weighted, mut inverse) = (one.same(0.0), one.same(0.0), one.same(0.0));
+        let (mut squares, mut weighted, mut inverse) =
+            (one.same(0.0), one.same(0.0), one.same(0.0));
         for (k, weight) in weights.into_iter().enumerate() {
             between = between + met[k] * weight;
             apart = apart + starts[k] * weight;

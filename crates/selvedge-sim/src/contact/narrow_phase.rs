@@ -175,8 +175,16 @@ impl Contact {
     /// keep a cloth at rest trembling, and what trembles has more friction than its load.
     /// `[eq:contact-edges]`
     fn share(&self, pair: &Pair, gap: &Gap, thickness: f64) -> f64 {
-        let wings = self.wings(pair).map(|wings| wings.map(|wing| wing.map(|p| self.start[p])));
-        edge_share::<f64>(pair.places(&self.start), wings, gap.weights, gap.normal, thickness)
+        let wings = self
+            .wings(pair)
+            .map(|wings| wings.map(|wing| wing.map(|p| self.start[p])));
+        edge_share::<f64>(
+            pair.places(&self.start),
+            wings,
+            gap.weights,
+            gap.normal,
+            thickness,
+        )
     }
 
     /// The vertices beside the edges of a pair, of faces that have them.
@@ -213,7 +221,9 @@ pub(super) fn round_share<N: Real>(kind: Kind, corners: [N::Vector; 4], thicknes
         Kind::EdgeEdge => (&corners[..split], [corners[2], corners[3], corners[3]]),
     };
     let [a, b, c] = core;
-    let ends = own.iter().map(|end| distance::<N>(Kind::VertexFace, [*end, a, b, c]));
+    let ends = own
+        .iter()
+        .map(|end| distance::<N>(Kind::VertexFace, [*end, a, b, c]));
     let all = distance::<N>(kind, corners);
     let nearer = ends.fold(all.same(f64::INFINITY), N::smaller) - all;
     let share = (nearer / all.same(thickness) - SLIGHT) / all.same(BULGE);
@@ -233,7 +243,10 @@ pub(super) fn edge_share<N: Real>(
     let length = |vector: N::Vector| -> N { vector.dot(vector).sqrt() };
     // From the gap to the nearest end.
     let [w0, w1, w2, w3] = weights.map(N::abs);
-    let nearest = [length(along) * w0.smaller(w1), length(across) * w2.smaller(w3)];
+    let nearest = [
+        length(along) * w0.smaller(w1),
+        length(across) * w2.smaller(w3),
+    ];
     let away = nearest[0].smaller(nearest[1]);
     if away.within(away.same(1e-3 * thickness)) {
         return away.same(0.0);

@@ -71,7 +71,11 @@ impl Contact {
                 |force, carried| active.impulse(left, force, carried.filter(|_| looked_back)),
                 collisions,
             );
-            let solved = active.system.tape.is_some().then(|| state.positions.clone());
+            let solved = active
+                .system
+                .tape
+                .is_some()
+                .then(|| state.positions.clone());
             let outcome = self.resolve(left, span, state)?;
             self.received.add_pushes(left);
             if let (Some(tape), Some(solved)) = (&mut active.system.tape, solved) {

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::contact::{Collisions, CollisionTape};
+use crate::contact::{CollisionTape, Collisions};
 use crate::state::State;
 
 /// The substeps of a frame as they were taken.

@@ -7,7 +7,7 @@
 
 use glam::DVec3;
 use selvedge_cloth::{
-    AirLaw, ElasticLaw, Environment, Integrator, HandleTargets, Scene, Snapshot, StepError, Stepper,
+    AirLaw, ElasticLaw, Environment, HandleTargets, Integrator, Scene, Snapshot, StepError, Stepper,
 };
 use thiserror::Error;
 
@@ -306,7 +306,8 @@ impl Simulator {
                 })?;
                 for (handle, by) in active.iter().zip(by_targets) {
                     let into = &mut targets[k];
-                    reached[*handle] += frame.targets.pull_back(*handle, substep.fraction, by, into);
+                    reached[*handle] +=
+                        frame.targets.pull_back(*handle, substep.fraction, by, into);
                 }
             }
             // An onset scales what the scene has.

@@ -4,7 +4,7 @@ use glam::DVec3;
 use selvedge_cloth::{ContactSettings, Obstacle, bodies};
 
 use crate::differences::{Case, vectors};
-use crate::scenes::{GRAY, material};
+use crate::scenes::{CAMEL, DENIM, GRAY, NAVY, material};
 use crate::sheets::{grid, scene};
 
 /// A rumpled sheet of 6 by 6 squares that falls on these bodies.
@@ -80,39 +80,136 @@ fn floor() -> Vec<Obstacle> {
     vec![Obstacle::of("floor", floor).unwrap()]
 }
 
+/// A case of one of many kinds, by its number.
+fn many(number: usize, frames: usize) -> (String, Case) {
+    let kind = number % 6;
+    let friction = [0.0, 0.3, 0.7][number / 6 % 3];
+    let at = |body: bodies::Body, place: DVec3| body.placed(1.0, |p| p + place);
+    let shift = vectors(9000 + number, 1)[0] * 0.03;
+    let bodies = match kind {
+        0 => vec![at(
+            bodies::sphere(0.2, 0.1),
+            DVec3::new(0.0, -0.2, 0.0) + shift * DVec3::new(1.0, 0.0, 1.0),
+        )],
+        1 => vec![bodies::plane([1.0, 1.0])],
+        2 => vec![at(
+            bodies::cuboid(DVec3::new(0.2, 0.1, 0.15)),
+            DVec3::new(0.0, -0.05, 0.0) + shift * DVec3::new(1.0, 0.0, 1.0),
+        )],
+        3 => vec![at(
+            bodies::capsule(0.05, 0.4, 0.05)
+                .placed(1.0, |p| glam::DQuat::from_rotation_x(1.57) * p),
+            DVec3::new(0.0, -0.05, 0.0) + shift * DVec3::new(1.0, 0.0, 1.0),
+        )],
+        4 => vec![at(
+            bodies::cuboid(DVec3::new(0.3, 0.02, 0.3))
+                .placed(1.0, |p| glam::DQuat::from_rotation_z(0.3) * p),
+            DVec3::new(0.0, -0.06, 0.0),
+        )],
+        _ => Vec::new(),
+    };
+    let obstacles = bodies
+        .into_iter()
+        .enumerate()
+        .map(|(k, body)| Obstacle::of(&format!("body {k}"), body).unwrap());
+    let mut case = falling(obstacles.collect(), friction, frames);
+    case.scene.material = material([GRAY, CAMEL, DENIM, NAVY][number % 4]);
+    if kind == 5 {
+        // Folded over itself: the far half lies above the near one.
+        let half = |p: DVec3| {
+            let angle = ((p.x + 0.03) / 0.06).clamp(0.0, 1.0) * std::f64::consts::PI;
+            let radius = 0.06 / std::f64::consts::PI;
+            match p.x {
+                x if x < -0.03 => DVec3::new(x, 0.0, p.z),
+                x if x > 0.03 => DVec3::new(-0.03 - (x - 0.03), 2.0 * radius, p.z),
+                _ => DVec3::new(
+                    -0.03 + radius * angle.sin(),
+                    radius * (1.0 - angle.cos()),
+                    p.z,
+                ),
+            }
+        };
+        let noise = vectors(0, case.positions.len());
+        let flat = case.scene.mesh.positions().to_vec();
+        for (k, p) in case.positions.iter_mut().enumerate() {
+            *p = half(flat[k] * DVec3::new(1.0, 0.0, 1.0)) + noise[k] * 1e-3;
+        }
+        case.scene.obstacles = vec![
+            Obstacle::of(
+                "floor",
+                bodies::plane([1.0, 1.0]).placed(1.0, |p| p - DVec3::Y * 0.004),
+            )
+            .unwrap(),
+        ];
+    }
+    case.velocities.iter_mut().for_each(|v| *v += shift * 10.0);
+    (format!("{number} kind {kind} friction {friction}"), case)
+}
+
 fn show(name: &str, case: &Case) {
     if std::env::var("SHOW").is_ok() {
         println!("{name}");
         case.gradient();
     }
     use selvedge_cloth::Stepper;
+    let start = (case.positions.clone(), case.velocities.clone());
+    if let Err(error) = selvedge_sim::Simulator::with_state(&case.scene, start.0, start.1) {
+        println!("{name}: {error}");
+        return;
+    }
     let mut simulator = case.simulator();
     for _ in 0..case.targets.len() {
-        simulator.step(&selvedge_cloth::HandleTargets::at_frame_end(Vec::new()).unwrap()).unwrap();
+        if let Err(error) =
+            simulator.step(&selvedge_cloth::HandleTargets::at_frame_end(Vec::new()).unwrap())
+        {
+            println!("{name}: {error}");
+            return;
+        }
     }
     let stats = simulator.stats();
     let mut errors = case.errors();
     errors.sort_by(|a, b| a.1.total_cmp(&b.1));
     let c = stats.contact;
-    println!("{name}: median {:.1e} worst {:?}; fell back {} repeated {} projected {} divisions {} touching {}", errors[errors.len() / 2].1, errors.last().unwrap(), stats.substeps.fell_back, c.repeated, c.projected, c.divisions, c.touching);
+    println!(
+        "{name}: median {:.1e} worst {:?}; fell back {} repeated {} projected {} divisions {} touching {}",
+        errors[errors.len() / 2].1,
+        errors.last().unwrap(),
+        stats.substeps.fell_back,
+        c.repeated,
+        c.projected,
+        c.divisions,
+        c.touching
+    );
 }
 
 #[test]
 fn errors() {
     let which = std::env::var("WHICH").unwrap_or_default();
     for friction in [0.0, 0.4] {
-        for frames in std::env::var("FRAMES").map_or(vec![1, 2, 3, 4, 6, 10, 30], |f| vec![f.parse().unwrap()]) {
+        for frames in std::env::var("FRAMES")
+            .map_or(vec![1, 2, 3, 4, 6, 10, 30], |f| vec![f.parse().unwrap()])
+        {
             if which.contains("floor") {
                 let mut case = falling(floor(), friction, frames);
                 for (k, p) in case.positions.iter_mut().enumerate() {
-                    *p = case.scene.mesh.positions()[k] + vectors(0, 49)[k] * 1e-4 - DVec3::Y * 0.0022;
+                    *p = case.scene.mesh.positions()[k] + vectors(0, 49)[k] * 1e-4
+                        - DVec3::Y * 0.0022;
                 }
                 show(&format!("floor {friction} {frames}"), &case);
                 case.velocities.iter_mut().for_each(|v| v.x += 0.3);
                 show(&format!("floor, slides {friction} {frames}"), &case);
             }
             if which.contains("fall") {
-                show(&format!("fall {friction} {frames}"), &falling(floor(), friction, frames));
+                show(
+                    &format!("fall {friction} {frames}"),
+                    &falling(floor(), friction, frames),
+                );
+            }
+            if which.contains("many") && friction == 0.0 {
+                for number in 0..24 {
+                    let (name, case) = many(number, frames);
+                    show(&format!("{name} frames {frames}"), &case);
+                }
             }
             if which.contains("warm") {
                 use selvedge_cloth::Stepper;
@@ -120,16 +217,22 @@ fn errors() {
                     let mut case = falling(ball(), friction, frames);
                     let mut simulator = case.simulator();
                     for _ in 0..warm {
-                        simulator.step(&selvedge_cloth::HandleTargets::at_frame_end(Vec::new()).unwrap()).unwrap();
+                        simulator
+                            .step(&selvedge_cloth::HandleTargets::at_frame_end(Vec::new()).unwrap())
+                            .unwrap();
                     }
                     case.positions = simulator.positions_f64().to_vec();
                     case.velocities = simulator.velocities_f64().to_vec();
-                    case.scene.physics.substeps = std::env::var("SUB").map_or(1, |s| s.parse().unwrap());
+                    case.scene.physics.substeps =
+                        std::env::var("SUB").map_or(1, |s| s.parse().unwrap());
                     show(&format!("warm {warm} {friction} {frames}"), &case);
                 }
             }
             if which.contains("ball") {
-                show(&format!("ball {friction} {frames}"), &falling(ball(), friction, frames));
+                show(
+                    &format!("ball {friction} {frames}"),
+                    &falling(ball(), friction, frames),
+                );
             }
         }
     }

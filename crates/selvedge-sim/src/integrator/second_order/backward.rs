@@ -337,7 +337,8 @@ impl SecondOrder {
                 targets: &substep.targets,
                 solves,
             };
-            let by_targets = solved.pull_back(system, pulled.state, &mut base, None, pulled.sums)?;
+            let by_targets =
+                solved.pull_back(system, pulled.state, &mut base, None, pulled.sums)?;
             add(&mut at_start.velocities, &base, 1.0);
             add(pulled.targets, &by_targets, 1.0);
         }
@@ -349,7 +350,9 @@ impl SecondOrder {
     /// The prediction of a stage, before its edges were brought back and after `[m]`, `[vertices]`.
     fn predict_again(&mut self, stage: &Stage<'_>) -> (Vec<DVec3>, Vec<DVec3>) {
         let velocities = stage.velocities.iter().zip(&stage.base.positions);
-        let mut raw: Vec<DVec3> = velocities.map(|(v, base)| *base + *v * stage.gamma).collect();
+        let mut raw: Vec<DVec3> = velocities
+            .map(|(v, base)| *base + *v * stage.gamma)
+            .collect();
         for (vertex, target) in self.held.iter().zip(stage.targets) {
             raw[vertex.index()] = *target;
         }
@@ -383,14 +386,18 @@ impl SecondOrder {
             targets: stage.targets,
             solves: stage.solves,
         };
-        let contact = touching.as_mut().map(|(expected, by_expected, by_estimates, anchors)| TouchingSlopes {
-            by_estimates,
-            expected,
-            by_start: &mut slopes.start,
-            by_velocities: &mut slopes.velocities,
-            by_expected,
-            anchors,
-        });
+        let contact = touching
+            .as_mut()
+            .map(
+                |(expected, by_expected, by_estimates, anchors)| TouchingSlopes {
+                    by_estimates,
+                    expected,
+                    by_start: &mut slopes.start,
+                    by_velocities: &mut slopes.velocities,
+                    by_expected,
+                    anchors,
+                },
+            );
         let by_base = &mut slopes.base.velocities;
         slopes.targets = solved.pull_back(system, &mut estimate, by_base, contact, sums)?;
         let by = &mut estimate;
