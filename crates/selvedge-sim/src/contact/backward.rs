@@ -27,11 +27,12 @@ const ROUNDING: f64 = 1e-13;
 #[derive(Clone, Debug)]
 pub(crate) struct CollisionTape {
     kind: Kind,
-    /// Corners at the start of the substep `[m]`, and the ways of those of obstacles in it.
+    /// Corners at the start of the substep, and at its end, if they are of an obstacle `[m]`.
     starts: [DVec3; 4],
-    ways: [DVec3; 4],
-    /// False for corners of obstacles.
+    ends: [DVec3; 4],
+    /// False for corners of obstacles; and the number of the obstacle.
     is_cloth: [bool; 4],
+    obstacle: Option<usize>,
     /// Inverse masses of the corners, 0 where prescribed `[1/kg]`.
     inverse: [f64; 4],
     /// Radius of a round body `[m]`, and the way of its closest point by the direction of the gap, because it turns.
@@ -108,6 +109,32 @@ pub(crate) struct PlaceSlopes<'a> {
     pub(crate) end: &'a mut [DVec3],
     /// By the estimates of all solves, `[solves, vertices]`.
     pub(crate) estimates: &'a mut [Vec<DVec3>],
+    /// By the places of obstacles at the start and the end, `[obstacles]`.
+    pub(crate) obstacles: &'a mut [[ObstacleSlope; 2]],
+}
+
+/// Derivative by a rigid motion of an obstacle.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ObstacleSlope {
+    /// By a translation `[1/m]`.
+    pub translation: DVec3,
+    /// By a rotation about the origin, along its axis `[1/rad]`. What a round body drags along because it spins
+    /// is left out.
+    pub rotation: DVec3,
+}
+
+impl ObstacleSlope {
+    /// Adds the derivative by a point at `place` `[m]`.
+    fn push(&mut self, place: DVec3, by: DVec3) {
+        self.translation += by;
+        self.rotation += place.cross(by);
+    }
+
+    /// Adds this part of another one.
+    pub(crate) fn add(&mut self, other: Self, part: f64) {
+        self.translation += other.translation * part;
+        self.rotation += other.rotation * part;
+    }
 }
 
 /// What of a collision is differentiated.
@@ -123,7 +150,7 @@ enum Value {
 #[derive(Clone, Copy)]
 struct Inputs<N: Number> {
     starts: [N::Vector; 4],
-    /// Ends of the way on which the pair meets.
+    /// Ends of the way on which the pair meets; of obstacles, those of the substep.
     to: [N::Vector; 4],
     wings: [[Option<N::Vector>; 2]; 2],
     /// Σ w x of the cloth's corners beyond their places.
@@ -167,7 +194,6 @@ impl Contact {
         for (number, solve) in stages.iter_mut().flatten().enumerate() {
             let list = solve.collisions.list.iter();
             let way = |collision: &Collision| {
-                let from = collision.corners.map(|corner| self.start[corner as usize]);
                 let to = |end: &dyn Fn(usize) -> DVec3| {
                     collision.corners.map(|corner| {
                         let v = corner as usize;
@@ -188,7 +214,7 @@ impl Contact {
                         solve: number - 1,
                     },
                     Met::Start | Met::Solve => Way {
-                        to: from,
+                        to: to(&|v| self.start[v]),
                         distance: f64::INFINITY,
                         by: [0.0; 3],
                         solve: 0,
@@ -236,8 +262,7 @@ impl Contact {
         let corners = collision.corners.map(|corner| corner as usize);
         let is_cloth = corners.map(|corner| corner < self.mass.len());
         let starts = corners.map(|corner| self.start[corner]);
-        let gone =
-            |k: usize| if is_cloth[k] { DVec3::ZERO } else { self.end[corners[k]] - starts[k] };
+        let end = |k: usize| if is_cloth[k] { starts[k] } else { self.end[corners[k]] };
         let (kind, [first, second]) = match collision.pair {
             Touching::Vertex { vertex, other } => (Kind::VertexFace, [vertex, other]),
             Touching::Edges { first, second } => (Kind::EdgeEdge, [first, second]),
@@ -262,8 +287,9 @@ impl Contact {
         CollisionTape {
             kind,
             starts,
-            ways: std::array::from_fn(gone),
+            ends: std::array::from_fn(end),
             is_cloth,
+            obstacle: body.checked_sub(1),
             inverse: corners.map(|corner| self.inverse[corner]),
             radius,
             turn,
@@ -396,7 +422,7 @@ impl Collision {
         };
         let fixed: Inputs<Dual> = Inputs {
             starts: tape.starts.map(still),
-            to: tape.way.map_or(tape.starts, |way| way.to).map(still),
+            to: tape.way.map_or(tape.ends, |way| way.to).map(still),
             wings: wings.map(|wings| wings.map(|wing| wing.map(|(_, place)| still(place)))),
             expected: still(DVec3::ZERO),
             end: still(DVec3::ZERO),
@@ -427,14 +453,26 @@ impl Collision {
             by.expected[corner] += expected * self.weights[k];
             by.end[corner] += end * self.weights[k];
         }
-        for (edge, wings) in wings.iter().enumerate() {
-            for (side, wing) in wings.iter().enumerate() {
-                if let Some((vertex, _)) = wing.filter(|(vertex, _)| *vertex < by.start.len()) {
-                    by.start[vertex] += slope(&|inputs, rate| {
-                        let wing = &mut inputs.wings[edge][side];
-                        *wing = wing.map(|wing| wing + rate);
-                    });
-                }
+        if let Some(obstacle) = tape.obstacle {
+            for k in (0..4).filter(|k| !tape.is_cloth[*k]) {
+                let start = slope(&|inputs, rate| inputs.starts[k] = inputs.starts[k] + rate);
+                let end = slope(&|inputs, rate| inputs.to[k] = inputs.to[k] + rate);
+                by.obstacles[obstacle][0].push(tape.starts[k], start);
+                by.obstacles[obstacle][1].push(tape.ends[k], end);
+            }
+        }
+        for (edge, side) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+            let Some((vertex, place)) = wings[edge][side] else {
+                continue;
+            };
+            let slope = slope(&|inputs, rate| {
+                let wing = &mut inputs.wings[edge][side];
+                *wing = wing.map(|wing| wing + rate);
+            });
+            match (by.start.get_mut(vertex), tape.obstacle) {
+                (Some(sum), _) => *sum += slope,
+                (None, Some(obstacle)) => by.obstacles[obstacle][0].push(place, slope),
+                (None, None) => {}
             }
         }
         if let Some(anchor) = tape.anchor {
@@ -473,7 +511,9 @@ impl Collision {
         for (k, weight) in weights.into_iter().enumerate() {
             between = between + met[k] * weight;
             apart = apart + starts[k] * weight;
-            drift = drift + lift(one, tape.ways[k]) * weight;
+            drift = drift
+                + (inputs.to[k] - starts[k])
+                    * if tape.is_cloth[k] { one.same(0.0) } else { weight };
             if tape.inverse[k] > 0.0 {
                 let square = weight * weight;
                 squares = squares + square;

@@ -34,6 +34,7 @@ use selvedge_contact::{Candidates, CollisionMesh, Gap, Intersection, Pair, Swept
 
 use crate::active_handles::ActiveHandles;
 use crate::state::State;
+pub use backward::ObstacleSlope;
 pub(crate) use backward::{AnchorSlope, CollisionTape, PlaceSlopes, Places};
 pub(crate) use collisions::{Collisions, to_single};
 use distance_cache::{PairCache, PathLengths};

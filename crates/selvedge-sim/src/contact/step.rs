@@ -80,6 +80,9 @@ impl Contact {
             self.received.add_pushes(left);
             if let (Some(tape), Some(solved)) = (&mut active.system.tape, solved) {
                 self.record_collisions(tape, left, point);
+                if let Some(substep) = tape.last() {
+                    substep.way = [from + (to - from) * done, to];
+                }
                 if let Some(substep) = tape.last().filter(|_| solved != state.positions) {
                     let ends = state.positions.iter().zip(solved);
                     substep.pushed = ends.map(|(end, solved)| *end - solved).collect();

@@ -20,6 +20,8 @@ pub(crate) struct SubstepTape {
     pub(crate) dt: f64,
     /// γ of its last stage `[s]`, where things touched.
     pub(crate) gamma: f64,
+    /// Its start, and its end, to which obstacles go, as parts of the frame, where things touched.
+    pub(crate) way: [f64; 2],
     /// Its end, to which handles are led, as a part of the frame.
     pub(crate) fraction: f64,
     pub(crate) start: State,
@@ -72,6 +74,7 @@ impl Tape {
         self.substeps.push(SubstepTape {
             dt,
             gamma: dt,
+            way: [0.0, 1.0],
             fraction: 1.0,
             start: start.clone(),
             before: before.cloned(),

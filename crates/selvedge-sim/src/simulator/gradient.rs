@@ -13,6 +13,7 @@ use thiserror::Error;
 
 use super::Simulator;
 use crate::active_handles::ActiveHandles;
+use crate::contact::ObstacleSlope;
 use crate::integrator::{Pulled, SubstepTape};
 use crate::solver::{MaterialGradient, SolveError};
 use crate::state::State;
@@ -55,6 +56,8 @@ pub struct Gradient {
     /// By the targets of each frame, `[frames][samples * handles]` as [`HandleTargets::sampled`] has
     /// them; 0 of handles that are let go.
     pub targets: Vec<Vec<DVec3>>,
+    /// By rigid motions of the obstacles at the start and after each frame, `[frames + 1][obstacles]`.
+    pub obstacles: Vec<Vec<ObstacleSlope>>,
     /// By gravity.
     pub gravity: DVec3,
     /// By the constant wind.
@@ -252,6 +255,9 @@ impl Simulator {
         let mut state = State::at_origin(vertices);
         let mut before = State::at_origin(vertices);
         let mut anchors = Vec::new();
+        let bodies = self.scene.obstacles.len();
+        let mut obstacles =
+            vec![vec![ObstacleSlope::default(); bodies]; recording.frames.len() + 1];
         let mut ask = |frame: usize, state: &mut State| {
             let mut by = StateGradient {
                 positions: std::mem::take(&mut state.positions),
@@ -292,11 +298,13 @@ impl Simulator {
             let by_gravity = sums.gravity;
             for substep in frame.substeps.iter().rev() {
                 let mut by_targets = vec![DVec3::ZERO; active.len()];
+                let mut by_obstacles = vec![[ObstacleSlope::default(); 2]; bodies];
                 let mut pulled = Pulled {
                     state: &mut state,
                     before: &mut before,
                     targets: &mut by_targets,
                     anchors: &mut anchors,
+                    obstacles: &mut by_obstacles,
                     sums: &mut sums,
                 };
                 let solved = solver.pull_back(substep, &mut pulled);
@@ -304,6 +312,13 @@ impl Simulator {
                     frame: k + 1,
                     cause: error.to_string(),
                 })?;
+                for (part, k) in [(0.0, k), (1.0, k + 1)] {
+                    for (sum, by) in obstacles[k].iter_mut().zip(&by_obstacles) {
+                        for (by, way) in by.iter().zip(substep.way) {
+                            sum.add(*by, 1.0 - (way - part).abs());
+                        }
+                    }
+                }
                 for (handle, by) in active.iter().zip(by_targets) {
                     let into = &mut targets[k];
                     reached[*handle] +=
@@ -342,6 +357,7 @@ impl Simulator {
                 velocities: state.velocities,
             },
             targets,
+            obstacles,
             gravity: sums.gravity,
             wind: sums.wind,
             air_density: sums.air_density,

@@ -59,6 +59,46 @@ impl Case {
             });
             keep(format!("velocities {k}"), is, slope, dot(by, by).sqrt());
         }
+        for number in 0..self.scene.obstacles.len() {
+            let all = gradient.obstacles.iter().map(|frame| frame[number]);
+            let (mut translation, mut rotation) = (DVec3::ZERO, DVec3::ZERO);
+            for one in all {
+                translation += one.translation;
+                rotation += one.rotation;
+            }
+            let mut move_all = |name: &str,
+                                by: DVec3,
+                                step: f64,
+                                scale: f64,
+                                to: &dyn Fn(DVec3, DVec3) -> DVec3| {
+                for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
+                    let is = by.dot(axis);
+                    let slope = self.slope(is, step, |case, part| {
+                        let old = &case.scene.obstacles[number];
+                        let body = bodies::Body {
+                            points: old.positions_at(0.0).map(|p| to(p, axis * part)).collect(),
+                            faces: old.faces().to_vec(),
+                            core: old.core_at(0.0).map(|core| bodies::Core {
+                                ends: core.ends.map(|p| to(p, axis * part)),
+                                ..core
+                            }),
+                        };
+                        case.scene.obstacles[number] = Obstacle::of("moved", body).unwrap();
+                    });
+                    keep(format!("{name} {number}"), is, slope, scale);
+                }
+            };
+            move_all(
+                "translation",
+                translation,
+                1e-8,
+                translation.length(),
+                &|p, by| p + by,
+            );
+            move_all("rotation", rotation, 1e-8, rotation.length(), &|p, by| {
+                glam::DQuat::from_scaled_axis(by) * p
+            });
+        }
         for axis in 0..3 {
             let by = gradient.gravity;
             let slope = self.slope(by[axis], 1e-5, |case, part| {

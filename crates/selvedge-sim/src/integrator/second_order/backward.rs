@@ -5,7 +5,7 @@ use selvedge_cloth::{HandleConstraint, VertexId};
 
 use super::super::tape::{SolveTape, SubstepTape, TouchingTape};
 use super::{START, SecondOrder};
-use crate::contact::{AnchorSlope, PlaceSlopes, Places};
+use crate::contact::{AnchorSlope, ObstacleSlope, PlaceSlopes, Places};
 use crate::solver::{ElementSums, SolveError, System};
 use crate::state::State;
 
@@ -20,6 +20,8 @@ pub(crate) struct Pulled<'a> {
     pub(crate) targets: &'a mut Vec<DVec3>,
     /// By the pulls of anchors, likewise.
     pub(crate) anchors: &'a mut Vec<AnchorSlope>,
+    /// By the places of obstacles at its start and end, `[obstacles]`.
+    pub(crate) obstacles: &'a mut [[ObstacleSlope; 2]],
     pub(crate) sums: &'a mut ElementSums,
 }
 
@@ -93,7 +95,7 @@ impl SecondOrder {
         &mut self,
         system: &mut System,
         substep: &SubstepTape,
-        touching: TouchingTape,
+        tape: TouchingTape,
         pulled: &mut Pulled<'_>,
     ) -> Result<(), SolveError> {
         let (formula, start) = (self.formula, &substep.start);
@@ -113,14 +115,25 @@ impl SecondOrder {
             start: &start.positions,
             targets: &targets,
             solves: substep.stages.first().map_or(&[], |solves| solves),
-            is_predicted: touching.is_near,
+            is_predicted: tape.is_near,
             dt: substep.dt,
         };
-        let (_, expected) = self.predict_again(&stage);
-        let mut by_expected = vec![DVec3::ZERO; count];
-        let mut by_estimates = vec![by_expected.clone(); stage.solves.len()];
-        let room = (&mut by_expected[..], &mut by_estimates[..], &mut at_start);
-        self.pull_ends(substep, &stage, point, &expected, room, pulled);
+        let by_expected = vec![DVec3::ZERO; count];
+        let mut touching = Touching {
+            expected: self.predict_again(&stage).1,
+            by_estimates: vec![by_expected.clone(); stage.solves.len()],
+            by_expected,
+            anchors: pulled.anchors,
+            obstacles: pulled.obstacles,
+        };
+        self.pull_anchors(
+            substep,
+            &stage,
+            point,
+            &mut touching,
+            pulled.state,
+            &mut at_start,
+        );
         add_states(&mut at_start, &cut(substep, pulled.state), 1.0);
         let mut end = pulled.state.clone();
         if substep.before.is_some() {
@@ -137,13 +150,7 @@ impl SecondOrder {
         let mut estimate = zeros(count);
         add_states(&mut estimate, &end, 1.0 / point);
         add_states(&mut at_start, &end, 1.0 - 1.0 / point);
-        let slopes = self.pull_stage(
-            system,
-            &stage,
-            estimate,
-            Some((&expected, by_expected, by_estimates, pulled.anchors)),
-            pulled.sums,
-        )?;
+        let slopes = self.pull_stage(system, &stage, estimate, Some(&mut touching), pulled.sums)?;
         if substep.before.is_some() {
             add_states(&mut at_start, &slopes.base, 1.0 + formula.weight);
             add_states(&mut at_before, &slopes.base, -formula.weight);
@@ -158,17 +165,18 @@ impl SecondOrder {
         Ok(())
     }
 
-    /// Takes what followed the last solve backwards: anchors that were left at the end of the substep.
-    fn pull_ends(
+    /// Takes the anchors that the last solve left at the end of the substep backwards; `by_end` are derivatives
+    /// by the state there.
+    fn pull_anchors(
         &self,
         substep: &SubstepTape,
         stage: &Stage<'_>,
         point: f64,
-        expected: &[DVec3],
-        (by_expected, by_estimates, at_start): (&mut [DVec3], &mut [Vec<DVec3>], &mut State),
-        pulled: &mut Pulled<'_>,
+        touching: &mut Touching<'_>,
+        by_end: &mut State,
+        at_start: &mut State,
     ) {
-        let slopes = std::mem::take(pulled.anchors);
+        let slopes = std::mem::take(touching.anchors);
         let Some(last) = stage.solves.last().filter(|_| !slopes.is_empty()) else {
             return;
         };
@@ -189,19 +197,20 @@ impl SecondOrder {
         let places = Places {
             gamma: stage.gamma,
             time: stage.dt,
-            expected,
+            expected: &touching.expected,
             end: &end,
             part: substep.safe.unwrap_or(1.0),
         };
         let mut by = PlaceSlopes {
             start: &mut at_start.positions,
             velocities: &mut at_start.velocities,
-            expected: by_expected,
-            end: &mut pulled.state.positions,
-            estimates: by_estimates,
+            expected: &mut touching.by_expected,
+            end: &mut by_end.positions,
+            estimates: &mut touching.by_estimates,
+            obstacles: touching.obstacles,
         };
         let (all, came_from) = (&last.collisions, &last.came_from);
-        all.pull_anchors(came_from, places, &slopes, &mut by, pulled.anchors);
+        all.pull_anchors(came_from, places, &slopes, &mut by, touching.anchors);
     }
 
     fn pull_look_back(
@@ -337,8 +346,10 @@ impl SecondOrder {
                 targets: &substep.targets,
                 solves,
             };
-            let by_targets =
-                solved.pull_back(system, pulled.state, &mut base, None, pulled.sums)?;
+            let by_targets = {
+                let room = [&mut [][..], &mut [][..]];
+                solved.pull_back(system, pulled.state, &mut base, None, room, pulled.sums)?
+            };
             add(&mut at_start.velocities, &base, 1.0);
             add(pulled.targets, &by_targets, 1.0);
         }
@@ -368,7 +379,7 @@ impl SecondOrder {
         system: &mut System,
         stage: &Stage<'_>,
         mut estimate: State,
-        mut touching: Option<(&[DVec3], Vec<DVec3>, Vec<Vec<DVec3>>, &mut Vec<AnchorSlope>)>,
+        mut touching: Option<&mut Touching<'_>>,
         sums: &mut ElementSums,
     ) -> Result<StageSlopes, SolveError> {
         let (gamma, base) = (stage.gamma, stage.base);
@@ -386,20 +397,14 @@ impl SecondOrder {
             targets: stage.targets,
             solves: stage.solves,
         };
-        let contact = touching
-            .as_mut()
-            .map(
-                |(expected, by_expected, by_estimates, anchors)| TouchingSlopes {
-                    by_estimates,
-                    expected,
-                    by_start: &mut slopes.start,
-                    by_velocities: &mut slopes.velocities,
-                    by_expected,
-                    anchors,
-                },
-            );
-        let by_base = &mut slopes.base.velocities;
-        slopes.targets = solved.pull_back(system, &mut estimate, by_base, contact, sums)?;
+        slopes.targets = solved.pull_back(
+            system,
+            &mut estimate,
+            &mut slopes.base.velocities,
+            touching.as_deref_mut(),
+            [&mut slopes.start, &mut slopes.velocities],
+            sums,
+        )?;
         let by = &mut estimate;
         if !stage.is_predicted {
             for (handle, vertex) in self.held.iter().enumerate() {
@@ -411,8 +416,8 @@ impl SecondOrder {
             add(&mut slopes.base.positions, &by.positions, 1.0);
             *by = zeros(count);
         }
-        if let Some((_, by_expected, ..)) = touching {
-            add(&mut by.positions, &by_expected, 1.0);
+        if let Some(touching) = touching {
+            add(&mut by.positions, &touching.by_expected, 1.0);
         }
         let (raw, places) = self.predict_again(stage);
         let is_held = |v: usize| self.held.contains(&VertexId(v as u32));
@@ -473,17 +478,15 @@ fn between(system: &System, start: &State, ends: &[DVec3], point: f64) -> Vec<DV
     ways.map(|(now, end)| now.lerp(*end, point)).collect()
 }
 
-/// Derivatives by what collisions came from.
-struct TouchingSlopes<'a> {
+/// Derivatives of a stage in which things touch.
+struct Touching<'a> {
     /// Where the cloth was expected `[m]`, `[vertices]`, and derivatives by that.
-    expected: &'a [DVec3],
-    by_expected: &'a mut [DVec3],
-    by_start: &'a mut [DVec3],
-    /// By velocities at the start.
-    by_velocities: &'a mut [DVec3],
+    expected: Vec<DVec3>,
+    by_expected: Vec<DVec3>,
     /// By the estimates of all solves, `[solves, vertices]`.
-    by_estimates: &'a mut [Vec<DVec3>],
+    by_estimates: Vec<Vec<DVec3>>,
     anchors: &'a mut Vec<AnchorSlope>,
+    obstacles: &'a mut [[ObstacleSlope; 2]],
 }
 
 /// The solves of a stage, each from where the last one led.
@@ -499,14 +502,16 @@ struct Solved<'a> {
 
 impl Solved<'_> {
     /// Turns `by`, derivatives by the end of the last solve, into those by where the first one is
-    /// linearised, and adds those by v̄ to `by_base`. Returns those by the targets of spring handles,
+    /// linearised, and adds those by v̄ to `by_base` and, where things touch, those by the start of the
+    /// substep to `by_start` and `by_velocities`. Returns those by the targets of spring handles,
     /// 0 of exact ones.
     fn pull_back(
         &self,
         system: &mut System,
         by: &mut State,
         by_base: &mut [DVec3],
-        mut touching: Option<TouchingSlopes<'_>>,
+        mut touching: Option<&mut Touching<'_>>,
+        [by_start, by_velocities]: [&mut [DVec3]; 2],
         sums: &mut ElementSums,
     ) -> Result<Vec<DVec3>, SolveError> {
         let mut by_targets = vec![DVec3::ZERO; self.targets.len()];
@@ -537,16 +542,17 @@ impl Solved<'_> {
                 let places = Places {
                     gamma: self.gamma,
                     time: self.dt,
-                    expected: touching.expected,
+                    expected: &touching.expected,
                     end: &end,
                     part: 1.0,
                 };
                 let mut by = PlaceSlopes {
-                    start: touching.by_start,
-                    velocities: touching.by_velocities,
-                    expected: touching.by_expected,
+                    start: by_start,
+                    velocities: by_velocities,
+                    expected: &mut touching.by_expected,
                     end: &mut by.positions,
-                    estimates: touching.by_estimates,
+                    estimates: &mut touching.by_estimates,
+                    obstacles: touching.obstacles,
                 };
                 let (all, came_from) = (&solve.collisions, &solve.came_from);
                 all.pull_forces(came_from, places, &multipliers, &mut by, touching.anchors);
