@@ -109,6 +109,8 @@ pub(crate) struct PlaceSlopes<'a> {
     pub(crate) end: &'a mut [DVec3],
     /// By the estimates of all solves, `[solves, vertices]`.
     pub(crate) estimates: &'a mut [Vec<DVec3>],
+    /// By masses `[vertices]`.
+    pub(crate) masses: &'a mut [f64],
     /// By the places of obstacles at the start and the end, `[obstacles]`.
     pub(crate) obstacles: &'a mut [[ObstacleSlope; 2]],
 }
@@ -153,6 +155,8 @@ struct Inputs<N: Number> {
     /// Ends of the way on which the pair meets; of obstacles, those of the substep.
     to: [N::Vector; 4],
     wings: [[Option<N::Vector>; 2]; 2],
+    /// Inverse masses of the corners.
+    inverse: [N; 4],
     /// Σ w x of the cloth's corners beyond their places.
     expected: N::Vector,
     end: N::Vector,
@@ -424,6 +428,7 @@ impl Collision {
             starts: tape.starts.map(still),
             to: tape.way.map_or(tape.ends, |way| way.to).map(still),
             wings: wings.map(|wings| wings.map(|wing| wing.map(|(_, place)| still(place)))),
+            inverse: tape.inverse.map(|value| Dual { value, rate: 0.0 }),
             expected: still(DVec3::ZERO),
             end: still(DVec3::ZERO),
             anchor: still(tape.anchor.map_or(DVec3::ZERO, |anchor| anchor.pull)),
@@ -449,6 +454,11 @@ impl Collision {
                 if by_estimate != 0.0 {
                     by.estimates[solve][corner] += to * by_estimate;
                 }
+            }
+            if tape.inverse[k] > 0.0 {
+                let mut inputs = fixed;
+                inputs.inverse[k].rate = -tape.inverse[k] * tape.inverse[k];
+                by.masses[corner] += self.value(tape, places, value, &inputs).rate;
             }
             by.expected[corner] += expected * self.weights[k];
             by.end[corner] += end * self.weights[k];
@@ -517,8 +527,8 @@ impl Collision {
             if tape.inverse[k] > 0.0 {
                 let square = weight * weight;
                 squares = squares + square;
-                weighted = weighted + square * (1.0 / tape.inverse[k]);
-                inverse = inverse + square * tape.inverse[k];
+                weighted = weighted + square / inputs.inverse[k];
+                inverse = inverse + square * inputs.inverse[k];
             }
         }
         let normal = between / between.dot(between).sqrt();

@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 use selvedge_cloth::{
-    AirLaw, ContactSettings, ElasticLaw, Gust, HandleConstraint, HandleTargets, Integrator,
-    LinearSolver, Scene, Stepper,
+    AirLaw, ElasticLaw, Gust, HandleConstraint, HandleTargets, Integrator, LinearSolver, Scene,
+    Stepper,
 };
 use selvedge_sim::{Gradient, GradientError, GradientSettings, Simulator, StateGradient};
 
@@ -106,7 +106,7 @@ impl Case {
         }
     }
 
-    fn gradient_by(&self, settings: GradientSettings) -> Gradient {
+    pub(crate) fn gradient_by(&self, settings: GradientSettings) -> Gradient {
         let mut simulator = self.simulator();
         simulator.record_gradient(settings).unwrap();
         for frame in 0..self.targets.len() {
@@ -406,10 +406,6 @@ fn what_has_no_gradient_is_refused() {
         let text = error.unwrap_err().to_string();
         assert!(text.contains(word), "{text}");
     };
-    refused(
-        &|s| s.contact = Some(ContactSettings::default()),
-        "remove `contact`",
-    );
     refused(&|s| s.physics.law = ElasticLaw::Measured, "physics.law");
     refused(
         &|s| {

@@ -123,6 +123,7 @@ impl SecondOrder {
             expected: self.predict_again(&stage).1,
             by_estimates: vec![by_expected.clone(); stage.solves.len()],
             by_expected,
+            by_masses: vec![0.0; count],
             anchors: pulled.anchors,
             obstacles: pulled.obstacles,
         };
@@ -151,6 +152,8 @@ impl SecondOrder {
         add_states(&mut estimate, &end, 1.0 / point);
         add_states(&mut at_start, &end, 1.0 - 1.0 / point);
         let slopes = self.pull_stage(system, &stage, estimate, Some(&mut touching), pulled.sums)?;
+        let masses = pulled.sums.mass.iter_mut().zip(touching.by_masses);
+        masses.for_each(|(sum, by)| *sum += by);
         if substep.before.is_some() {
             add_states(&mut at_start, &slopes.base, 1.0 + formula.weight);
             add_states(&mut at_before, &slopes.base, -formula.weight);
@@ -207,6 +210,7 @@ impl SecondOrder {
             expected: &mut touching.by_expected,
             end: &mut by_end.positions,
             estimates: &mut touching.by_estimates,
+            masses: &mut touching.by_masses,
             obstacles: touching.obstacles,
         };
         let (all, came_from) = (&last.collisions, &last.came_from);
@@ -485,6 +489,8 @@ struct Touching<'a> {
     by_expected: Vec<DVec3>,
     /// By the estimates of all solves, `[solves, vertices]`.
     by_estimates: Vec<Vec<DVec3>>,
+    /// By masses, `[vertices]`.
+    by_masses: Vec<f64>,
     anchors: &'a mut Vec<AnchorSlope>,
     obstacles: &'a mut [[ObstacleSlope; 2]],
 }
@@ -552,6 +558,7 @@ impl Solved<'_> {
                     expected: &mut touching.by_expected,
                     end: &mut by.positions,
                     estimates: &mut touching.by_estimates,
+                    masses: &mut touching.by_masses,
                     obstacles: touching.obstacles,
                 };
                 let (all, came_from) = (&solve.collisions, &solve.came_from);
