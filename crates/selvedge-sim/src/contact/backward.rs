@@ -299,14 +299,21 @@ impl Contact {
             turn,
             way,
             at: At::Fixed,
-            share: self.share_tape(collision, &pair, radius > 0.0),
+            share: self.share_tape(collision, &pair, radius > 0.0, met),
             anchor: anchors.find(is_own).copied(),
         }
     }
 }
 
 impl Contact {
-    fn share_tape(&self, collision: &Collision, pair: &Pair, is_round: bool) -> Share {
+    /// Where the share of a pair that meets with these corners comes from.
+    fn share_tape(
+        &self,
+        collision: &Collision,
+        pair: &Pair,
+        is_round: bool,
+        met: Option<[DVec3; 4]>,
+    ) -> Share {
         let PairLaw::Barrier { share } = collision.law else {
             return Share::Fixed;
         };
@@ -321,8 +328,7 @@ impl Contact {
                 .wings(pair)
                 .map(|wings| wings.map(|wing| wing.map(|vertex| (vertex, self.start[vertex]))));
             let places = wings.map(|wings| wings.map(|wing| wing.map(|(_, place)| place)));
-            // Those of a body's corners are dropped.
-            let weights = weights::<f64>(pair.kind, starts);
+            let weights = weights::<f64>(pair.kind, met.unwrap_or(starts));
             let normal = collision.normal;
             let found = edge_share::<f64>(starts, places, weights, normal, thickness);
             (Share::Edges(wings), found)

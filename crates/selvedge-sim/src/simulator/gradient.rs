@@ -152,7 +152,8 @@ impl Simulator {
     /// keep their bytes. Whatever moves the cloth otherwise ends the recording.
     ///
     /// # Errors
-    /// [`GradientError::Scene`] for contact, and for a law or an air that has no derivatives.
+    /// [`GradientError::Scene`] for a law or an air that has no derivatives, and for contact with
+    /// [`Integrator::Linearised`].
     pub fn record_gradient(&mut self, settings: GradientSettings) -> Result<(), GradientError> {
         check(&self.scene)?;
         self.recording = Some(Box::new(Recording {
