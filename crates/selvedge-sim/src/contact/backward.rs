@@ -148,19 +148,41 @@ enum Value {
     Pull(DVec3),
 }
 
-/// What a value depends on.
+/// What a value depends on: vectors, at the places below, and inverse masses of the corners.
 #[derive(Clone, Copy)]
 struct Inputs<N: Number> {
-    starts: [N::Vector; 4],
-    /// Ends of the way on which the pair meets; of obstacles, those of the substep.
-    to: [N::Vector; 4],
-    wings: [[Option<N::Vector>; 2]; 2],
-    /// Inverse masses of the corners.
+    vectors: [N::Vector; VECTORS],
     inverse: [N; 4],
-    /// Σ w x of the cloth's corners beyond their places.
-    expected: N::Vector,
-    end: N::Vector,
-    anchor: N::Vector,
+    has_wing: [[bool; 2]; 2],
+}
+
+/// Corners at the start.
+const STARTS: usize = 0;
+/// Ends of the way on which the pair meets; of obstacles, those of the substep.
+const ENDS: usize = 4;
+/// Vertices beside two edges.
+const WINGS: usize = 8;
+/// Σ w x of the cloth's corners beyond their places, where they were expected and where they end.
+const EXPECTED: usize = 12;
+const END: usize = 13;
+/// Pull of the anchor.
+const ANCHOR: usize = 14;
+const VECTORS: usize = 15;
+/// Vectors by which derivatives are taken at once, and their components.
+const TOGETHER: usize = 4;
+const RATES: usize = 3 * TOGETHER;
+
+impl<N: Number> Inputs<N> {
+    fn four(&self, first: usize) -> [N::Vector; 4] {
+        std::array::from_fn(|k| self.vectors[first + k])
+    }
+
+    fn wings(&self) -> [[Option<N::Vector>; 2]; 2] {
+        let wing = |edge: usize, side: usize| {
+            self.has_wing[edge][side].then_some(self.vectors[WINGS + 2 * edge + side])
+        };
+        [[wing(0, 0), wing(0, 1)], [wing(1, 0), wing(1, 1)]]
+    }
 }
 
 /// Direction, weights and masses of a collision.
@@ -425,69 +447,81 @@ impl Collision {
         by: &mut PlaceSlopes<'_>,
         anchors: &mut Vec<AnchorSlope>,
     ) {
-        let still = |place: DVec3| DualVector::new(place, DVec3::ZERO);
         let wings = match tape.share {
             Share::Edges(wings) => wings,
             Share::Fixed | Share::Round => Default::default(),
         };
-        let fixed: Inputs<Dual> = Inputs {
-            starts: tape.starts.map(still),
-            to: tape.way.map_or(tape.ends, |way| way.to).map(still),
-            wings: wings.map(|wings| wings.map(|wing| wing.map(|(_, place)| still(place)))),
-            inverse: tape.inverse.map(|value| Dual { value, rate: 0.0 }),
-            expected: still(DVec3::ZERO),
-            end: still(DVec3::ZERO),
-            anchor: still(tape.anchor.map_or(DVec3::ZERO, |anchor| anchor.pull)),
+        let mut vectors = [DVec3::ZERO; VECTORS];
+        vectors[STARTS..ENDS].copy_from_slice(&tape.starts);
+        vectors[ENDS..WINGS].copy_from_slice(&tape.way.map_or(tape.ends, |way| way.to));
+        for (into, wing) in vectors[WINGS..].iter_mut().zip(wings.as_flattened()) {
+            *into = wing.map_or(DVec3::ZERO, |(_, place)| place);
+        }
+        vectors[ANCHOR] = tape.anchor.map_or(DVec3::ZERO, |anchor| anchor.pull);
+        let (by_ends, solve) = tape.way.map_or(([0.0; 3], 0), |way| (way.by, way.solve));
+        let is_wanted = |number: &usize| match *number {
+            ENDS..WINGS => !tape.is_cloth[number - ENDS] || by_ends != [0.0; 3],
+            WINGS..EXPECTED => wings.as_flattened()[number - WINGS].is_some(),
+            ANCHOR => tape.anchor.is_some(),
+            _ => true,
         };
-        let slope = |put: &dyn Fn(&mut Inputs<Dual>, DualVector)| {
-            DVec3::from_array([DVec3::X, DVec3::Y, DVec3::Z].map(|direction| {
-                let mut inputs = fixed;
-                put(&mut inputs, DualVector::new(DVec3::ZERO, direction));
-                self.value(tape, places, value, &inputs).rate
-            }))
-        };
-        let expected = slope(&|inputs, rate| inputs.expected = inputs.expected + rate);
-        let end = slope(&|inputs, rate| inputs.end = inputs.end + rate);
-        let ([by_start, by_velocity, by_estimate], solve) =
-            tape.way.map_or(([0.0; 3], 0), |way| (way.by, way.solve));
-        for k in (0..4).filter(|k| tape.is_cloth[*k]) {
-            let corner = self.corners[k] as usize;
-            by.start[corner] += slope(&|inputs, rate| inputs.starts[k] = inputs.starts[k] + rate);
-            if [by_start, by_velocity, by_estimate] != [0.0; 3] {
-                let to = slope(&|inputs, rate| inputs.to[k] = inputs.to[k] + rate);
-                by.start[corner] += to * by_start;
-                by.velocities[corner] += to * by_velocity;
-                if by_estimate != 0.0 {
-                    by.estimates[solve][corner] += to * by_estimate;
+        let wanted: Vec<usize> = (0..VECTORS).filter(is_wanted).collect();
+        let inputs = |moved: &[usize]| Inputs {
+            vectors: std::array::from_fn(|number| {
+                let first = moved.iter().position(|own| *own == number).map(|k| 3 * k);
+                let rate = |k: usize| match first {
+                    Some(first) if (first..first + 3).contains(&k) => DVec3::AXES[k - first],
+                    _ => DVec3::ZERO,
+                };
+                DualVector::<RATES>::new(vectors[number], std::array::from_fn(rate))
+            }),
+            inverse: std::array::from_fn(|k| {
+                let mut rates = [0.0; RATES];
+                if moved.is_empty() {
+                    rates[k] = -tape.inverse[k] * tape.inverse[k];
                 }
-            }
-            if tape.inverse[k] > 0.0 {
-                let mut inputs = fixed;
-                inputs.inverse[k].rate = -tape.inverse[k] * tape.inverse[k];
-                by.masses[corner] += self.value(tape, places, value, &inputs).rate;
-            }
-            by.expected[corner] += expected * self.weights[k];
-            by.end[corner] += end * self.weights[k];
-        }
-        if let Some(obstacle) = tape.obstacle {
-            for k in (0..4).filter(|k| !tape.is_cloth[*k]) {
-                let start = slope(&|inputs, rate| inputs.starts[k] = inputs.starts[k] + rate);
-                let end = slope(&|inputs, rate| inputs.to[k] = inputs.to[k] + rate);
-                by.obstacles[obstacle][0].push(tape.starts[k], start);
-                by.obstacles[obstacle][1].push(tape.ends[k], end);
+                Dual {
+                    value: tape.inverse[k],
+                    rates,
+                }
+            }),
+            has_wing: wings.map(|wings| wings.map(|wing| wing.is_some())),
+        };
+        let mut slopes = [DVec3::ZERO; VECTORS];
+        for moved in wanted.chunks(TOGETHER) {
+            let rates = self.value(tape, places, value, &inputs(moved)).rates;
+            for (number, rates) in moved.iter().zip(rates.as_chunks().0) {
+                slopes[*number] = DVec3::from_array(*rates);
             }
         }
-        for (edge, side) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
-            let Some((vertex, place)) = wings[edge][side] else {
+        let by_masses = self.value(tape, places, value, &inputs(&[])).rates;
+        for k in 0..4 {
+            let (start, end) = (slopes[STARTS + k], slopes[ENDS + k]);
+            if !tape.is_cloth[k] {
+                if let Some(obstacle) = tape.obstacle {
+                    by.obstacles[obstacle][0].push(tape.starts[k], start);
+                    by.obstacles[obstacle][1].push(tape.ends[k], end);
+                }
+                continue;
+            }
+            let corner = self.corners[k] as usize;
+            let [by_start, by_velocity, by_estimate] = by_ends;
+            by.start[corner] += start + end * by_start;
+            by.velocities[corner] += end * by_velocity;
+            if by_estimate != 0.0 {
+                by.estimates[solve][corner] += end * by_estimate;
+            }
+            by.masses[corner] += by_masses[k];
+            by.expected[corner] += slopes[EXPECTED] * self.weights[k];
+            by.end[corner] += slopes[END] * self.weights[k];
+        }
+        for (wing, slope) in wings.as_flattened().iter().zip(&slopes[WINGS..]) {
+            let Some((vertex, place)) = wing else {
                 continue;
             };
-            let slope = slope(&|inputs, rate| {
-                let wing = &mut inputs.wings[edge][side];
-                *wing = wing.map(|wing| wing + rate);
-            });
-            match (by.start.get_mut(vertex), tape.obstacle) {
-                (Some(sum), _) => *sum += slope,
-                (None, Some(obstacle)) => by.obstacles[obstacle][0].push(place, slope),
+            match (by.start.get_mut(*vertex), tape.obstacle) {
+                (Some(sum), _) => *sum += *slope,
+                (None, Some(obstacle)) => by.obstacles[obstacle][0].push(*place, *slope),
                 (None, None) => {}
             }
         }
@@ -495,14 +529,14 @@ impl Collision {
             anchors.push(AnchorSlope {
                 of: anchor.of,
                 normal: anchor.normal,
-                by: slope(&|inputs, rate| inputs.anchor = inputs.anchor + rate),
+                by: slopes[ANCHOR],
             });
         }
     }
 
     /// Direction, weights and masses.
     fn shape<N: Real>(&self, tape: &CollisionTape, inputs: &Inputs<N>, one: N) -> Shape<N> {
-        let starts = inputs.starts;
+        let (starts, to) = (inputs.four(STARTS), inputs.four(ENDS));
         let Some(way) = tape.way else {
             let mut gap = one.same(self.gap);
             for (k, start) in starts.into_iter().enumerate() {
@@ -518,7 +552,7 @@ impl Collision {
                 mass: one.same(self.mass),
             };
         };
-        let met = way.places::<N>(tape.kind, tape.radius, tape.starts, [starts, inputs.to]);
+        let met = way.places::<N>(tape.kind, tape.radius, tape.starts, [starts, to]);
         let weights = weights::<N>(tape.kind, met);
         let zero = lift(one, DVec3::ZERO);
         let (mut between, mut apart, mut drift) = (zero, zero, zero);
@@ -527,9 +561,8 @@ impl Collision {
         for (k, weight) in weights.into_iter().enumerate() {
             between = between + met[k] * weight;
             apart = apart + starts[k] * weight;
-            drift = drift
-                + (inputs.to[k] - starts[k])
-                    * if tape.is_cloth[k] { one.same(0.0) } else { weight };
+            drift =
+                drift + (to[k] - starts[k]) * if tape.is_cloth[k] { one.same(0.0) } else { weight };
             if tape.inverse[k] > 0.0 {
                 let square = weight * weight;
                 squares = squares + square;
@@ -559,7 +592,8 @@ impl Collision {
         value: Value,
         inputs: &Inputs<N>,
     ) -> N {
-        let one = inputs.anchor.components()[0].same(1.0);
+        let one = inputs.inverse[0].same(1.0);
+        let starts = inputs.four(STARTS);
         let shape = self.shape(tape, inputs, one);
         let normal = shape.normal;
         // Displacements of the first side against the second since the start.
@@ -567,22 +601,22 @@ impl Collision {
             let mut sum = shape.drift * one.same(part) + further;
             for k in (0..4).filter(|k| tape.is_cloth[*k]) {
                 let place = lift(one, all[self.corners[k] as usize]);
-                sum = sum + (place - inputs.starts[k]) * shape.weights[k];
+                sum = sum + (place - starts[k]) * shape.weights[k];
             }
             sum
         };
-        let expected = displacement(places.expected, inputs.expected, 1.0);
-        let end = displacement(places.end, inputs.end, places.part);
+        let expected = displacement(places.expected, inputs.vectors[EXPECTED], 1.0);
+        let end = displacement(places.end, inputs.vectors[END], places.part);
         let gap_at = |displacement: N::Vector| shape.gap + normal.dot(displacement);
         let (gamma, time) = (places.gamma, places.time);
         let share = match self.law {
             PairLaw::Barrier { share } => share,
             PairLaw::Out => return self.value_out(value, end, one),
         };
-        let (starts, thickness) = (inputs.starts, self.thickness);
+        let thickness = self.thickness;
         let share = match tape.share {
             Share::Fixed => one.same(share),
-            Share::Edges(_) => edge_share(starts, inputs.wings, shape.weights, normal, thickness),
+            Share::Edges(_) => edge_share(starts, inputs.wings(), shape.weights, normal, thickness),
             Share::Round => round_share(tape.kind, starts, thickness),
         };
         let inertia = shape.mass * (1.0 / (time * time));
@@ -608,7 +642,7 @@ impl Collision {
             Some(firm) => inertia.greater(firm.stiffness * SHEAR),
             None => inertia,
         };
-        let pull = across::<N>(normal, inputs.anchor);
+        let pull = across::<N>(normal, inputs.vectors[ANCHOR]);
         let slip_at = |displacement: N::Vector| across::<N>(normal, pull / grip + displacement);
         let zero = one.same(0.0);
         let slip = slip_at(end);

@@ -16,13 +16,10 @@ impl Real for f64 {
     }
 }
 
-impl Real for Dual {
+impl<const K: usize> Real for Dual<K> {
     #[inline]
     fn exp(self) -> Self {
         let value = exp(self.value);
-        Self {
-            value,
-            rate: self.rate * value,
-        }
+        self.scaled(value, value)
     }
 }
