@@ -68,7 +68,7 @@ impl Simulator {
     /// bytes. `restore` and `reset` end the recording. Beyond `memory` bytes the oldest frames are
     /// computed again.
     ///
-    /// Raises `SelvedgeError` for a scene with contact, or a law that has no energy.
+    /// Raises `SelvedgeError` for a law that has no energy, and for contact with the formula `linearised`.
     #[pyo3(signature = (memory=GradientSettings::default().memory))]
     fn record_gradient(slf: &Bound<'_, Self>, memory: usize) -> PyResult<()> {
         let settings = GradientSettings {
@@ -82,7 +82,8 @@ impl Simulator {
     /// The derivatives of a value of the recorded frames, a dictionary. `positions` (frames + 1, n, 3)
     /// are the value's derivatives by the positions of each frame since `record_gradient`, the start
     /// first, `velocities` those by the velocities. It has, all float64: `positions`, `velocities`
-    /// (n, 3) by the start; `targets` (frames, samples, handles, 3); `gravity`, `wind` (3,);
+    /// (n, 3) by the start; `targets` (frames, samples, handles, 3); `obstacles` (frames + 1, obstacles,
+    /// 2, 3) by a translation and a rotation about the origin of each; `gravity`, `wind` (3,);
     /// `air_density`, `air_drag`; `rest_angles` (edges,); and `materials`, a list of dictionaries
     /// with `density`, `damping`, `stretch` (6, 4) and `bend` (3, 5).
     #[pyo3(signature = (positions=None, velocities=None))]
@@ -189,6 +190,13 @@ fn gradient_dict<'py>(
     let samples = targets.len() / (frames * handles).max(1);
     let targets = arrays::flat_f64(&targets).to_vec().into_pyarray(py);
     made.set_item("targets", targets.reshape([frames, samples, handles, 3])?)?;
+    let obstacles = gradient.obstacles.iter().flatten();
+    let motions: Vec<DVec3> = obstacles
+        .flat_map(|by| [by.translation, by.rotation])
+        .collect();
+    let bodies = motions.len() / (2 * gradient.obstacles.len()).max(1);
+    let motions = arrays::flat_f64(&motions).to_vec().into_pyarray(py);
+    made.set_item("obstacles", motions.reshape([frames + 1, bodies, 2, 3])?)?;
     for (name, vector) in [("gravity", gradient.gravity), ("wind", gradient.wind)] {
         made.set_item(name, vector.to_array().to_vec().into_pyarray(py))?;
     }

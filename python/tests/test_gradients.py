@@ -64,18 +64,41 @@ def test_what_has_no_gradient_says_why(swung):
     cloth.record_gradient()
     with pytest.raises(ValueError, match=r"\(1, 36, 3\)"):
         cloth.backward(positions=np.zeros((3, 36, 3)))
-    touching = selvedge.Scene.parse(
-        """
-name = "touching"
-mesh.generator = { kind = "square", vertices = 36, size = 1.0, seed = 1 }
-handles.label = "upper-corners"
+
+
+def test_contact_has_gradients_by_the_body_too():
+    text = """
+name = "on a ball"
+mesh.generator = { kind = "square", vertices = 36, size = 0.4, seed = 1 }
+mesh.turn = [90, 0, 0]
+handles = { vertices = [] }
 material = "gray-interlock"
 contact = {}
+physics.solver = "cholesky"
+[[obstacles]]
+name = "ball"
+body = { kind = "sphere", radius = 0.15 }
+place = [0.01, %.17g, 0.02]
 """
-    )
-    cloth = selvedge.Simulator(touching, touching.positions)
-    with pytest.raises(selvedge.SelvedgeError, match="remove `contact`"):
+    height = -0.16
+
+    def run(height):
+        scene = selvedge.Scene.parse(text % height)
+        cloth = selvedge.Simulator(scene, scene.positions)
         cloth.record_gradient()
+        for _ in range(12):
+            cloth.step()
+        return cloth, cloth.state_positions()[:, 0].sum()
+
+    cloth, _ = run(height)
+    by = np.zeros((13, 36, 3))
+    by[-1, :, 0] = 1.0
+    gradient = cloth.backward(positions=by)
+    assert gradient["obstacles"].shape == (13, 1, 2, 3)
+    found = gradient["obstacles"][:, 0, 0, 1].sum()
+    step = 1e-8
+    slope = (run(height + step)[1] - run(height - step)[1]) / (2 * step)
+    assert abs(found) > 1e-3 and abs(found / slope - 1) < 1e-4
 
 
 def test_a_fabric_is_found_from_markers():

@@ -11,7 +11,8 @@
 use glam::DVec3;
 
 use crate::closest::{Gap, along_axes, gap};
-use crate::number::Number;
+use crate::eight::weights;
+use crate::number::{Number, Vector};
 use crate::pair::Kind;
 
 /// Shortest span that gets a direction of its own, before a pair counts as not safe.
@@ -156,6 +157,53 @@ pub fn certify_turning(kind: Kind, path: &Path, distance: f64, start: Gap) -> Re
             return Ok(());
         }
         now = gap(kind, path.at(safe));
+    }
+}
+
+/// The corners of a pair at the time of impact that [`certify`] finds on its way `from` here `to` there, or at
+/// the end of the way where it finds none: with a derivative by both, where numbers have one.
+#[must_use]
+pub fn at_impact<N: Number<Mask = bool>>(
+    kind: Kind,
+    path: &Path,
+    [from, to]: [[N::Vector; 4]; 2],
+    distance: f64,
+) -> [N::Vector; 4] {
+    let lerp =
+        |part: N| -> [N::Vector; 4] { std::array::from_fn(|k| from[k] + (to[k] - from[k]) * part) };
+    let one = from[0].components()[0].same(1.0);
+    let (mut safe, mut place, mut span) = (one.same(0.0), 0.0, FIRST_SPAN);
+    loop {
+        let (now, here) = (lerp(safe), gap(kind, path.at(place)));
+        if here.distance < distance || place >= 1.0 {
+            return now;
+        }
+        let weights = weights::<N>(kind, now);
+        let mut between = now[0] * weights[0];
+        for k in 1..4 {
+            between = between + now[k] * weights[k];
+        }
+        let normal = between / between.dot(between).sqrt();
+        let first: N = crate::eight::extent::<N>(kind, now, normal) - distance;
+        let last: N = crate::eight::extent::<N>(kind, to, normal) - distance;
+        let [start, end] =
+            [path.at(place), path.to].map(|corners| extent(kind, corners, here.normal) - distance);
+        let mut step = (one - safe) * CAUTION * (first / (first - last));
+        let mut length = CAUTION * (1.0 - place) * (start / (start - end)).max(0.0);
+        span = span.max(SHORTEST);
+        while length < span && span >= SHORTEST {
+            let next = path.at((place + span).min(1.0));
+            if is_apart(kind, path.at(place), next, distance, &here).is_some() {
+                (step, length) = (one.same(span), span);
+                span *= 2.0;
+                break;
+            }
+            span *= 0.5;
+        }
+        if length < SHORTEST {
+            return now;
+        }
+        (safe, place) = (safe + step, place + length);
     }
 }
 

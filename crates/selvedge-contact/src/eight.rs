@@ -119,6 +119,39 @@ pub(crate) fn extent<N: Number>(kind: Kind, corners: [N::Vector; 4], direction: 
     }
 }
 
+/// Weights of the closest points of a pair with these corners, as [`Gap::weights`](crate::Gap::weights), of
+/// numbers with a derivative too.
+pub fn weights<N: Number<Mask = bool>>(kind: Kind, corners: [N::Vector; 4]) -> [N; 4] {
+    match kind {
+        Kind::VertexFace => {
+            let (weights, is_line) = vertex_face::<N>(corners);
+            if is_line.same(0.0).below(is_line) { vertex_line(corners) } else { weights }
+        }
+        Kind::EdgeEdge => edge_edge::<N>(corners),
+    }
+}
+
+/// As `closest::vertex_line`.
+fn vertex_line<N: Number<Mask = bool>>(corners: [N::Vector; 4]) -> [N; 4] {
+    let square = |vector: N::Vector| -> N { vector.dot(vector) };
+    let zero = square(corners[0]).same(0.0);
+    let one = zero.same(1.0);
+    let (mut best, mut least) = ([one, -one, zero, zero], zero.same(f64::INFINITY));
+    for (from, to) in [(1, 2), (2, 3), (3, 1)] {
+        let side = corners[to] - corners[from];
+        let out = corners[0] - corners[from];
+        let t: N = ratio(side.dot(out), square(side));
+        let distance = square(out - side * t);
+        if distance.below(least) {
+            least = distance;
+            best = [one, zero, zero, zero];
+            best[from] = t - one;
+            best[to] = -t;
+        }
+    }
+    best
+}
+
 /// `part` of `whole`, within 0 and 1; 0 of nothing.
 #[inline(always)]
 pub(crate) fn ratio<N: Number>(part: N, whole: N) -> N {

@@ -33,11 +33,11 @@ mod release;
 pub use boxes::Bounds;
 pub use candidates::{Candidates, Reach, SweptBoxes, Ways};
 pub use certificate::{
-    Impact, Path, Straight, approach, certify, certify_straight, certify_turning, extent,
+    Impact, Path, Straight, approach, at_impact, certify, certify_straight, certify_turning, extent,
 };
 pub use closest::{Gap, Push, gap, least_gap, push};
 pub use collision_mesh::{Body, CollisionEdge, CollisionMesh};
-pub use eight::{Gaps, gaps};
+pub use eight::{Gaps, gaps, weights};
 pub use intersect::{Intersection, triangles_meet};
 pub use pair::{Kind, Pair};
 pub use release::{Released, winding};

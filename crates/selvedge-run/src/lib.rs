@@ -94,7 +94,7 @@ pub use selvedge_data::{Recording, RecordingEnd, Trajectory};
 #[cfg(feature = "learned")]
 pub use selvedge_guard::{Correction, Trust};
 pub use selvedge_sim::{
-    Gradient, GradientError, GradientSettings, MaterialGradient, StateGradient,
+    Gradient, GradientError, GradientSettings, MaterialGradient, ObstacleSlope, StateGradient,
 };
 pub use through::{LetThrough, let_through};
 #[cfg(feature = "files")]

@@ -71,7 +71,9 @@ mod state;
 mod stop;
 mod threads;
 
-pub use contact::{ContactCounts, ContactGauge, FAR, FrameContact, Led, YieldedContact};
+pub use contact::{
+    ContactCounts, ContactGauge, FAR, FrameContact, Led, ObstacleSlope, YieldedContact,
+};
 pub use fit::{
     Dressed, FitError, FitProgress, Fitted, Untangled, dress, fit, sew_and_fit, untangle,
 };

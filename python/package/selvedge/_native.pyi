@@ -321,14 +321,15 @@ class Simulator(Stepper):
         bytes. `restore` and `reset` end the recording. Beyond `memory` bytes the oldest frames are
         computed again.
 
-        Raises `SelvedgeError` for a scene with contact, or a law that has no energy."""
+        Raises `SelvedgeError` for a law that has no energy, and for contact with the formula `linearised`."""
     def backward(
         self, positions: ArrayLike | None = None, velocities: ArrayLike | None = None
     ) -> dict[str, Any]:
         """The derivatives of a value of the recorded frames, a dictionary. `positions` (frames + 1, n, 3)
         are the value's derivatives by the positions of each frame since `record_gradient`, the start
         first, `velocities` those by the velocities. It has, all float64: `positions`, `velocities`
-        (n, 3) by the start; `targets` (frames, samples, handles, 3); `gravity`, `wind` (3,);
+        (n, 3) by the start; `targets` (frames, samples, handles, 3); `obstacles` (frames + 1, obstacles,
+        2, 3) by a translation and a rotation about the origin of each; `gravity`, `wind` (3,);
         `air_density`, `air_drag`; `rest_angles` (edges,); and `materials`, a list of dictionaries
         with `density`, `damping`, `stretch` (6, 4) and `bend` (3, 5)."""
     @property

@@ -3,153 +3,150 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::{Number, Triple, Vector};
+use glam::DVec3;
 
-/// A number, and its rate along a direction. A root of 0 counts as constant; comparisons are of the
+use super::{Number, Triple};
+
+/// A number, and its rates along some directions. A root of 0 counts as constant; comparisons are of the
 /// values.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Dual<N = f64> {
+pub struct Dual<const K: usize = 1> {
     /// The number.
-    pub value: N,
-    /// Its derivative along the direction.
-    pub rate: N,
+    pub value: f64,
+    /// Its derivatives along the directions.
+    pub rates: [f64; K],
 }
 
 /// Three of them.
-pub type DualVector<N = f64> = Triple<Dual<N>>;
+pub type DualVector<const K: usize = 1> = Triple<Dual<K>>;
 
-impl<N: Number> DualVector<N> {
-    /// A vector that changes by `rate`.
+impl<const K: usize> Dual<K> {
+    /// A number whose rates follow from those of this one and another.
     #[inline(always)]
-    pub fn new(value: N::Vector, rate: N::Vector) -> Self {
-        let ([x, y, z], [a, b, c]) = (value.components(), rate.components());
-        let dual = |value, rate| Dual { value, rate };
-        Self([dual(x, a), dual(y, b), dual(z, c)])
+    fn with(self, value: f64, other: Self, rate: impl Fn(f64, f64) -> f64) -> Self {
+        let mut rates = self.rates;
+        for (rate_of, other) in rates.iter_mut().zip(other.rates) {
+            *rate_of = rate(*rate_of, other);
+        }
+        Self { value, rates }
     }
 
-    /// The rate.
+    /// A number whose rates are this many times those of this one.
     #[inline(always)]
-    pub fn rate(self) -> N::Vector {
-        N::Vector::of(self.0.map(|component| component.rate))
+    pub fn scaled(self, value: f64, slope: f64) -> Self {
+        self.with(value, self, |rate, _| rate * slope)
     }
 }
 
-impl<N: Number> Number for Dual<N> {
-    type Vector = DualVector<N>;
-    type Mask = N::Mask;
+impl<const K: usize> DualVector<K> {
+    /// A vector that changes by these rates.
+    #[inline(always)]
+    pub fn new(value: DVec3, rates: [DVec3; K]) -> Self {
+        Self(std::array::from_fn(|axis| Dual {
+            value: value[axis],
+            rates: rates.map(|rate| rate[axis]),
+        }))
+    }
+
+    /// The rates.
+    #[inline(always)]
+    pub fn rates(self) -> [DVec3; K] {
+        std::array::from_fn(|k| DVec3::from_array(self.0.map(|component| component.rates[k])))
+    }
+}
+
+impl<const K: usize> Number for Dual<K> {
+    type Vector = DualVector<K>;
+    type Mask = bool;
 
     #[inline(always)]
     fn same(self, value: f64) -> Self {
         Self {
-            value: self.value.same(value),
-            rate: self.value.same(0.0),
+            value,
+            rates: [0.0; K],
         }
     }
 
     #[inline(always)]
     fn sqrt(self) -> Self {
-        let (value, zero) = (self.value.sqrt(), self.value.same(0.0));
-        let rate = N::pick(zero.below(value), self.rate / (value * 2.0), zero);
-        Self { value, rate }
+        let value = self.value.sqrt();
+        if value > 0.0 {
+            self.with(value, self, |rate, _| rate / (value * 2.0))
+        } else {
+            self.same(value)
+        }
     }
 
     #[inline(always)]
     fn abs(self) -> Self {
-        let is_negative = self.value.below(self.value.same(0.0));
-        Self {
-            value: self.value.abs(),
-            rate: N::pick(is_negative, -self.rate, self.rate),
-        }
+        if self.value < 0.0 { -self } else { self }
     }
 
     #[inline(always)]
-    fn below(self, other: Self) -> N::Mask {
-        self.value.below(other.value)
+    fn below(self, other: Self) -> bool {
+        self.value < other.value
     }
 
     #[inline(always)]
-    fn within(self, other: Self) -> N::Mask {
-        self.value.within(other.value)
+    fn within(self, other: Self) -> bool {
+        self.value <= other.value
     }
 
     #[inline(always)]
-    fn both(self, mask: N::Mask, other: N::Mask) -> N::Mask {
-        self.value.both(mask, other)
+    fn both(self, mask: bool, other: bool) -> bool {
+        mask & other
     }
 
     #[inline(always)]
-    fn pick(mask: N::Mask, then: Self, otherwise: Self) -> Self {
-        Self {
-            value: N::pick(mask, then.value, otherwise.value),
-            rate: N::pick(mask, then.rate, otherwise.rate),
-        }
+    fn pick(mask: bool, then: Self, otherwise: Self) -> Self {
+        if mask { then } else { otherwise }
     }
 }
 
-/// An operator of duals: its value, and its rate from both sides' values and rates.
+/// An operator of duals: its rate from both sides' values and rates, and from a number by which it goes.
 macro_rules! duals {
-    ($operator: ident, $method: ident, |$a: ident, $b: ident| $rate: expr, |$n: ident, $by: ident| $scaled: expr) => {
-        impl<N: Number> $operator for Dual<N> {
+    ($operator: ident, $method: ident, |$a: ident, $b: ident, $p: ident, $q: ident| $rate: expr, |$r: ident, $by: ident| $scaled: expr) => {
+        impl<const K: usize> $operator for Dual<K> {
             type Output = Self;
 
             #[inline(always)]
-            fn $method(self, $b: Self) -> Self {
-                let $a = self;
-                Self {
-                    value: $a.value.$method($b.value),
-                    rate: $rate,
-                }
+            fn $method(self, other: Self) -> Self {
+                let ($a, $b) = (self.value, other.value);
+                self.with($a.$method($b), other, |$p, $q| $rate)
             }
         }
-        duals!($operator, $method, |$n, $by| $scaled);
-    };
-    ($operator: ident, $method: ident, |$n: ident, $by: ident| $scaled: expr) => {
-        impl<N: Number> $operator<f64> for Dual<N> {
+
+        impl<const K: usize> $operator<f64> for Dual<K> {
             type Output = Self;
 
             #[inline(always)]
             fn $method(self, $by: f64) -> Self {
-                let $n = self;
-                Self {
-                    value: $n.value.$method($by),
-                    rate: $scaled,
-                }
+                self.with(self.value.$method($by), self, |$r, _| $scaled)
             }
         }
     };
 }
 
-duals!(Add, add, |a, b| a.rate + b.rate, |n, _by| n.rate);
-duals!(Sub, sub, |a, b| a.rate - b.rate, |n, _by| n.rate);
-duals!(
-    Mul,
-    mul,
-    |a, b| a.rate * b.value + a.value * b.rate,
-    |n, by| n.rate * by
-);
+duals!(Add, add, |_a, _b, p, q| p + q, |r, _by| r);
+duals!(Sub, sub, |_a, _b, p, q| p - q, |r, _by| r);
+duals!(Mul, mul, |a, b, p, q| p * b + a * q, |r, by| r * by);
 
-impl<N: Number> Div for Dual<N> {
+impl<const K: usize> Div for Dual<K> {
     type Output = Self;
 
     #[inline(always)]
     fn div(self, other: Self) -> Self {
         let value = self.value / other.value;
-        Self {
-            value,
-            rate: (self.rate - value * other.rate) / other.value,
-        }
+        self.with(value, other, |p, q| (p - value * q) / other.value)
     }
 }
 
-impl<N: Number> Neg for Dual<N> {
+impl<const K: usize> Neg for Dual<K> {
     type Output = Self;
 
     #[inline(always)]
     fn neg(self) -> Self {
-        Self {
-            value: -self.value,
-            rate: -self.rate,
-        }
+        self.scaled(-self.value, -1.0)
     }
 }
 
@@ -170,12 +167,17 @@ mod tests {
         let step = 1e-5;
         for (x, y) in [(0.3, 0.8), (-1.2, 0.9), (2.0, 0.6), (-0.4, 3.0)] {
             for (a, b) in [(1.0, 0.0), (0.0, 1.0), (0.7, -1.3)] {
-                let at = |value, rate| Dual { value, rate };
+                let at = |value, rate| Dual {
+                    value,
+                    rates: [rate, -2.0 * rate],
+                };
                 let found = formula(at(x, a), at(y, b));
                 let moved = |s: f64| formula(x + s * a, y + s * b);
                 let slope = (moved(step) - moved(-step)) / (2.0 * step);
                 assert_eq!(found.value, formula(x, y));
-                assert!((found.rate - slope).abs() < 1e-8 * (1.0 + slope.abs()));
+                let [rate, other] = found.rates;
+                assert!((rate - slope).abs() < 1e-8 * (1.0 + slope.abs()));
+                assert!((other + 2.0 * rate).abs() < 1e-12 * (1.0 + slope.abs()));
             }
         }
     }

@@ -9,7 +9,8 @@ impl Run {
     /// them; they keep their bytes. [`Self::restore`] and [`Self::reset`] end the recording.
     ///
     /// # Errors
-    /// [`GradientError`]: a scene with contact or with a law that has no energy, or another stepper.
+    /// [`GradientError`]: a scene with a law that has no energy, contact with the formula `linearised`, or
+    /// another stepper.
     pub fn record_gradient(&mut self, settings: GradientSettings) -> Result<(), GradientError> {
         match &mut self.mover {
             Mover::Solver(solver) => solver.record_gradient(settings),
@@ -18,7 +19,7 @@ impl Run {
     }
 
     /// The derivatives of a value of the recorded frames, by where the recording began, where the
-    /// handles were led, gravity, air, wind and all numbers of the materials. `seed` is asked for each
+    /// handles and the bodies were led, gravity, air, wind and all numbers of the materials. `seed` is asked for each
     /// frame, counted from the beginning of the recording, the last one first, and adds the value's
     /// derivatives by the state there.
     ///

@@ -3,10 +3,10 @@
 
 use glam::DVec3;
 use selvedge_cloth::{CaughtPair, FrictionAnchor, Pushing, Scene, Touching};
-use selvedge_contact::{Gap, Kind, Pair, gap};
+use selvedge_contact::{Gap, Impact, Kind, Pair, gap};
 
 use super::barrier::LEAST;
-use super::collisions::{Collision, Collisions, PairLaw, Sticking};
+use super::collisions::{Collision, Collisions, Met, PairLaw, Sticking};
 use super::friction::{along_surface, kept};
 use super::memory::{self, feature, key};
 use super::narrow_phase::ClosePair;
@@ -16,7 +16,7 @@ use crate::lists::Lists;
 use crate::threads::Threads;
 
 /// Cosine of two directions from which they count as the same side.
-const SAME_SIDE: f64 = 0.7;
+pub(super) const SAME_SIDE: f64 = 0.7;
 /// Part of the push at no gap that a pair bears firmly: at 0.9 of the thickness.
 const FIRM: f64 = 0.01;
 /// Pairs that a vertex of the cloth meets first, of which each is caught. With one of them cloth
@@ -145,7 +145,11 @@ impl Contact {
         let collision = self.collision_of(&near.pair, near.body, &near.gap, near.distance, law);
         let gap = near.caught.and_then(|caught| caught.gap);
         let at = gap.map(|gap| gap.min(near.distance));
-        Collision { at, ..collision }
+        Collision {
+            at,
+            met: near.met,
+            ..collision
+        }
     }
 
     /// A pair that pushes at `distance` `[m]` along the direction of `gap`.
@@ -196,6 +200,7 @@ impl Contact {
             anchored: Some(own),
             pull: self.pull(own, gap.normal),
             sticking: Sticking::Unknown,
+            met: Met::Start,
             at: None,
             response: super::collisions::Response::default(),
         }
@@ -258,7 +263,7 @@ impl Contact {
             let is_same = |k: &usize| collisions.list[*k].is_same_place(of, &impact.gap);
             let place = (first..last).chain(sorted..count).find(is_same);
             let known = place.map(|k| &collisions.list[k]);
-            let Some((near, collision)) = self.caught(pair, impact.gap, known) else {
+            let Some((near, collision)) = self.caught(pair, impact, known) else {
                 continue;
             };
             caught.extend(near.caught);
@@ -277,14 +282,15 @@ impl Contact {
         has_caught
     }
 
-    /// A pair with this `gap` that a solve has missed, and its touch for the next one, which pushes
+    /// A pair with this `impact` that a solve has missed, and its touch for the next one, which pushes
     /// harder than the `known` one of the last. None where that is in vain.
     fn caught(
         &self,
         pair: &Pair,
-        gap: Gap,
+        impact: &Impact,
         known: Option<&Collision>,
     ) -> Option<(ClosePair, Collision)> {
+        let gap = impact.gap;
         let distance = self.gap_along(pair, &gap, &self.start);
         let missed = self.gap_along(pair, &gap, &self.end);
         if gap.normal == DVec3::ZERO || distance <= 0.0 || missed >= distance {
@@ -304,6 +310,7 @@ impl Contact {
             gap,
             distance,
             share: 1.0,
+            met: Met::Solve,
             caught: Some(CaughtPair {
                 of,
                 gap: once_more.then_some(at),

@@ -1,9 +1,8 @@
 //! The push of a gap that is too small: a cubic barrier with a stiffness tied to mass over time
 //! squared, so that it stays in proportion to the rest of the system.
 
-use selvedge_contact::number::Number;
-
 use super::pressure::Pressure;
+use super::real::Real;
 
 /// Least gap to which a pair that meets at speed is let, as a part of the thickness.
 pub(super) const LEAST: f64 = 0.25;
@@ -19,16 +18,16 @@ const STEEPEST: f64 = 0.05;
 
 /// The barrier of one pair in one stage.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Barrier {
+pub(super) struct Barrier<N = f64> {
     /// ĝ, the gap at which the push begins `[m]`.
     pub(super) thickness: f64,
     /// κ: mean mass of the pair's corners, by the squares of their weights, over dt² `[N/m]`.
-    pub(super) base: f64,
+    pub(super) base: N,
     /// Part of κ that the pair has, above 0; at least [`AT_SPEED`] where it would go below
     /// [`LEAST`].
-    pub(super) share: f64,
+    pub(super) share: N,
     /// Mass of the pair's relative motion over γ² `[N/m]`.
-    pub(super) inertia: f64,
+    pub(super) inertia: N,
     /// The push of the fabric under pressure.
     pub(super) pressure: Pressure,
     /// Time in which the fabric recovers from pressure, over that of the solve.
@@ -37,74 +36,76 @@ pub(super) struct Barrier {
 
 /// A force that falls linearly with the gap.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Tangent {
+pub(crate) struct Tangent<N = f64> {
     /// Gap of the linearisation `[m]`.
-    pub(super) gap: f64,
+    pub(super) gap: N,
     /// Force there `[N]`.
-    pub(super) force: f64,
+    pub(super) force: N,
     /// Force per gap, not negative `[N/m]`.
-    pub(super) stiffness: f64,
+    pub(super) stiffness: N,
 }
 
-impl Tangent {
+impl<N: Real> Tangent<N> {
+    /// Nothing, at `gap`.
+    pub(super) fn none(gap: N) -> Self {
+        let zero = gap.same(0.0);
+        Self {
+            gap,
+            force: zero,
+            stiffness: zero,
+        }
+    }
+
     /// The force at `gap` `[N]`; negative where the tangent pulls.
     #[inline]
-    pub(super) fn force_at(&self, gap: f64) -> f64 {
+    pub(super) fn force_at(&self, gap: N) -> N {
         self.force + self.stiffness * (self.gap - gap)
     }
 }
 
-impl Barrier {
-    /// Energy of a gap `[J]`; `[eq:contact-barrier]`.
-    #[cfg(test)]
-    fn energy(&self, gap: f64) -> f64 {
-        let (whole, base) = (self.thickness, self.base);
-        let depth = (whole - gap).max(0.0);
-        if gap >= 0.5 * whole {
-            return 2.0 * base / (3.0 * whole) * depth * depth * depth;
-        }
-        let steep = |g: f64| 0.5 * base * whole * (-whole * whole / g - 2.0 * whole * g.ln() + g);
-        base * whole * whole / 12.0 + steep(0.5 * whole) - steep(gap)
-    }
-
+impl<N: Real> Barrier<N> {
     /// The tangent of the barrier's force at `gap`: 2κ(ĝ - g)²/ĝ, for gaps below ĝ/2 times
     /// (ĝ/2g)², so that nothing is too heavy. Below [`STEEPEST`] the tangent there serves.
     /// `[eq:contact-barrier]`
-    fn tangent(&self, gap: f64) -> Tangent {
+    fn tangent(&self, gap: N) -> Tangent<N> {
         let gap = gap.at_least(STEEPEST * self.thickness);
-        let part = (1.0 - gap / self.thickness).at_least(0.0);
-        if gap >= 0.5 * self.thickness {
+        let thickness = gap.same(self.thickness);
+        let half = gap.same(0.5 * self.thickness);
+        if half.within(gap) {
+            let part = (gap.same(1.0) - gap / thickness).at_least(0.0);
             return Tangent {
                 gap,
-                force: 2.0 * self.base * part * part * self.thickness,
-                stiffness: 4.0 * self.base * part,
+                force: self.base * 2.0 * part * part * thickness,
+                stiffness: self.base * 4.0 * part,
             };
         }
-        let ratio = self.thickness / gap;
+        let ratio = thickness / gap;
         Tangent {
             gap,
-            force: 0.5 * self.base * self.thickness * (ratio - 1.0) * (ratio - 1.0),
+            force: self.base * 0.5 * thickness * (ratio - 1.0) * (ratio - 1.0),
             stiffness: self.base * ratio * ratio * (ratio - 1.0),
         }
     }
 
     /// The gap at which the pair alone would end with this force, if it ended at `expected`
     /// without `[m]`.
-    fn alone(&self, tangent: &Tangent, expected: f64) -> f64 {
-        (self.inertia * expected + tangent.force_at(0.0)) / (self.inertia + tangent.stiffness)
+    fn alone(&self, tangent: &Tangent<N>, expected: N) -> N {
+        let at_zero = tangent.force_at(expected.same(0.0));
+        (self.inertia * expected + at_zero) / (self.inertia + tangent.stiffness)
     }
 
     /// The tangent for a stage that starts at gap `start` and is expected to end at `expected`
     /// without a push `[m]`: at the start, or where the pair parts, at the expected gap. Where that
     /// would let the pair alone below [`LEAST`], it is the tangent there, which does not.
     /// `[eq:contact-impact]`
-    pub(super) fn linearise(&self, start: f64, expected: f64) -> Tangent {
-        if let (Some(firm), true) = (self.pressure.firm(start, self.thickness), expected >= start) {
+    pub(super) fn linearise(&self, start: N, expected: N) -> Tangent<N> {
+        let rests = start.within(expected);
+        if let (Some(firm), true) = (self.pressure.firm(start, self.thickness), rests) {
             return self.recoil(start, expected, firm);
         }
-        let usual = self.part(self.share, start.at_least(expected).at_most(self.thickness));
-        let least = (LEAST * self.thickness).at_most(start);
-        if self.alone(&usual, expected) >= least {
+        let usual = self.part(self.share, start.greater(expected).at_most(self.thickness));
+        let least = start.same(LEAST * self.thickness).smaller(start);
+        if least.within(self.alone(&usual, expected)) {
             usual
         } else {
             self.part(self.share.at_least(AT_SPEED), least)
@@ -114,24 +115,18 @@ impl Barrier {
     /// The tangent of a pair that is pressed firmly at the `start` and rests or parts: a fabric gives back
     /// little of the work that pressed it together. Nothing, where it parts faster than the fabric recoils;
     /// but of layers, what is expected without a push does not know of what presses them together.
-    fn recoil(&self, start: f64, expected: f64, firm: Tangent) -> Tangent {
+    fn recoil(&self, start: N, expected: N, firm: Tangent<N>) -> Tangent<N> {
         let elastic = self.part(self.share, start);
         let tangent = Tangent {
-            stiffness: elastic.stiffness + self.recovery * firm.stiffness,
+            stiffness: elastic.stiffness + firm.stiffness * self.recovery,
             ..elastic
         };
-        if tangent.force_at(expected) > 0.0 || self.pressure.is_layered {
-            tangent
-        } else {
-            Tangent {
-                gap: expected,
-                ..Tangent::default()
-            }
-        }
+        let pushes = expected.same(0.0).below(tangent.force_at(expected));
+        if pushes || self.pressure.is_layered { tangent } else { Tangent::none(expected) }
     }
 
     /// This part of the tangent at `gap`.
-    fn part(&self, part: f64, gap: f64) -> Tangent {
+    fn part(&self, part: N, gap: N) -> Tangent<N> {
         let whole = self.tangent(gap);
         self.pressed(Tangent {
             gap: whole.gap,
@@ -141,7 +136,7 @@ impl Barrier {
     }
 
     /// This tangent, and that of the pressure at the same gap.
-    fn pressed(&self, tangent: Tangent) -> Tangent {
+    fn pressed(&self, tangent: Tangent<N>) -> Tangent<N> {
         let pressure = self.pressure.tangent(tangent.gap, self.thickness);
         Tangent {
             gap: tangent.gap,
@@ -151,17 +146,17 @@ impl Barrier {
     }
 
     /// The tangent at `gap`, whatever is expected.
-    pub(super) fn at(&self, gap: f64) -> Tangent {
+    pub(super) fn at(&self, gap: N) -> Tangent<N> {
         self.pressed(self.tangent(gap.at_most(self.thickness)))
     }
 
     /// The force that a pair on its way from `start` to `expected` is expected to bear `[N]`: what stops it
     /// alone, or the pressure at the start where that is more, as between two bodies.
-    pub(super) fn bears(&self, tangent: &Tangent, start: f64, expected: f64) -> f64 {
-        let most = expected.at_least(tangent.gap);
-        let end = self.alone(tangent, expected).at_most(most);
+    pub(super) fn bears(&self, tangent: &Tangent<N>, start: N, expected: N) -> N {
+        let most = expected.greater(tangent.gap);
+        let end = self.alone(tangent, expected).smaller(most);
         let pressure = self.pressure.tangent(start, self.thickness);
-        tangent.force_at(end).at_least(pressure.force_at(start))
+        tangent.force_at(end).greater(pressure.force_at(start))
     }
 }
 
@@ -177,6 +172,20 @@ mod tests {
         pressure: Pressure::NONE,
         recovery: 0.0,
     };
+
+    impl Barrier {
+        /// Energy of a gap `[J]`; `[eq:contact-barrier]`.
+        fn energy(&self, gap: f64) -> f64 {
+            let (whole, base) = (self.thickness, self.base);
+            let depth = (whole - gap).max(0.0);
+            if gap >= 0.5 * whole {
+                return 2.0 * base / (3.0 * whole) * depth * depth * depth;
+            }
+            let steep =
+                |g: f64| 0.5 * base * whole * (-whole * whole / g - 2.0 * whole * g.ln() + g);
+            base * whole * whole / 12.0 + steep(0.5 * whole) - steep(gap)
+        }
+    }
 
     #[test]
     fn force_and_stiffness_are_derivatives_of_the_energy() {

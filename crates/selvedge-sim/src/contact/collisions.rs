@@ -1,9 +1,10 @@
 //! Pairs that push in a substep, as the linear system sees them.
 
 use glam::{DMat3, DVec3, Mat3A};
-use selvedge_cloth::Touching;
+use selvedge_cloth::{FrictionAnchor, Touching};
 use selvedge_contact::Gap;
 
+use super::active_set::SAME_SIDE;
 use super::barrier::{Barrier, Tangent};
 use super::friction::{along_surface, drag, outer};
 use super::pressure::Pressure;
@@ -14,9 +15,9 @@ const PULL: f64 = 0.1;
 
 /// Time in which a fabric recovers from pressure `[s]`. With none, two of 14 falls gained 1 % and 10 % of
 /// their energy.
-const RECOVERY: f64 = 0.01;
+pub(super) const RECOVERY: f64 = 0.01;
 /// Stiffness along the surface of a fabric under pressure, as a part of that across it.
-const SHEAR: f64 = 0.1;
+pub(super) const SHEAR: f64 = 0.1;
 /// Part of the most that friction bears from which it slid in the last substep.
 const SLID: f64 = 0.98;
 /// By how much friction may differ from what a solve took it to be: a part of it, a part of its inertial
@@ -69,6 +70,7 @@ pub(crate) struct Collision {
     /// Pull of the anchor at the start, along the surface `[N]`.
     pub(super) pull: DVec3,
     pub(super) sticking: Sticking,
+    pub(super) met: Met,
     /// Gap at which to linearise, because a solve has shown that the usual one pushes too little
     /// `[m]`.
     pub(super) at: Option<f64>,
@@ -83,6 +85,17 @@ pub(super) enum PairLaw {
     Barrier { share: f64 },
     /// A push out of a body that is let through.
     Out,
+}
+
+/// Where the direction and the weights of a pair are told.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Met {
+    /// At the start of the substep.
+    Start,
+    /// Where it would meet, did the cloth go on at its velocities.
+    Ahead,
+    /// Where it meets on the way to the end of a solve.
+    Solve,
 }
 
 /// Whether the friction of a touch sticks.
@@ -108,7 +121,7 @@ pub(super) struct Response {
     /// γ² times the derivative of the force `[kg]`.
     block: DMat3,
     /// γ `[s]`.
-    gamma: f64,
+    pub(super) gamma: f64,
     /// Displacement of the linearisation `[m]`, and the force there `[N]`.
     displacement: DVec3,
     force: DVec3,
@@ -197,6 +210,11 @@ impl Collision {
         };
         self.response = Response::default();
         true
+    }
+
+    /// Returns true if its friction goes on from that of this anchor.
+    pub(super) fn goes_on_from(&self, anchor: &FrictionAnchor) -> bool {
+        self.anchored == Some(anchor.of) && anchor.normal.dot(self.normal) > SAME_SIDE
     }
 
     /// Returns true if it couples vertices that the matrix of the cloth does not.
@@ -470,6 +488,7 @@ mod tests {
             anchored: None,
             pull: DVec3::ZERO,
             sticking: Sticking::Unknown,
+            met: Met::Start,
             at: None,
             response: Response::default(),
         }

@@ -8,6 +8,7 @@
 //! [`step`] has the loop.
 
 mod active_set;
+mod backward;
 mod barrier;
 mod broad_phase;
 mod ccd;
@@ -21,6 +22,7 @@ mod memory;
 mod narrow_phase;
 mod pressure;
 mod projection;
+mod real;
 mod squeezed;
 mod step;
 
@@ -32,6 +34,8 @@ use selvedge_contact::{Candidates, CollisionMesh, Gap, Intersection, Pair, Swept
 
 use crate::active_handles::ActiveHandles;
 use crate::state::State;
+pub use backward::ObstacleSlope;
+pub(crate) use backward::{AnchorSlope, CollisionTape, PlaceSlopes, Places};
 pub(crate) use collisions::{Collisions, to_single};
 use distance_cache::{PairCache, PathLengths};
 pub use gauge::{ContactGauge, FrameContact};

@@ -5,13 +5,15 @@
 
 use glam::DVec3;
 use selvedge_cloth::CaughtPair;
-use selvedge_contact::number::{GROUP, Number, of_lane};
-use selvedge_contact::{Gap, Gaps, Kind, Pair, Path, certify, gap, gaps};
+use selvedge_contact::number::{GROUP, Vector, of_lane};
+use selvedge_contact::{Gap, Gaps, Kind, Pair, Path, certify, gaps, weights};
 
 use super::Contact;
 use super::barrier::LEAST;
+use super::collisions::Met;
 use super::distance_cache::{PairCache, Pushes};
 use super::memory::{self, key};
+use super::real::Real;
 use crate::threads::Threads;
 
 /// Depth of a fold at the nearer end of two edges that cross, as a part of the thickness, from
@@ -33,6 +35,7 @@ pub(super) struct ClosePair {
     pub(super) distance: f64,
     /// Part of the barrier's stiffness that it has, above 0.
     pub(super) share: f64,
+    pub(super) met: Met,
     /// What is known if a solve caught it: it pushes whatever else is near.
     pub(super) caught: Option<CaughtPair>,
 }
@@ -138,7 +141,7 @@ impl Contact {
         if is_of_edges && now.distance < thickness && caught.is_none() && is_at_end() {
             return None;
         }
-        let gap = meeting(pair.kind, path, now, thickness, radius)?;
+        let (gap, met) = meeting(pair.kind, path, now, thickness, radius)?;
         let pushes = &mut cache.pushes;
         if *pushes == Pushes::Unknown {
             let never = body == 0 && self.neighbours.leave_out(pair, 2.0 * thickness);
@@ -159,6 +162,7 @@ impl Contact {
             gap,
             distance: self.gap_along(pair, &gap, &self.start),
             share,
+            met,
             caught,
         };
         (share > 0.0 && near.distance > 0.0 && self.can_move(&near)).then_some(near)
@@ -171,33 +175,22 @@ impl Contact {
     /// keep a cloth at rest trembling, and what trembles has more friction than its load.
     /// `[eq:contact-edges]`
     fn share(&self, pair: &Pair, gap: &Gap, thickness: f64) -> f64 {
-        let [a, b, c, d] = pair.places(&self.start);
-        let (along, across) = (b - a, d - c);
-        // From the gap to the nearest end.
-        let [w0, w1, w2, w3] = gap.weights.map(f64::abs);
-        let away = (along.length() * w0.at_most(w1)).at_most(across.length() * w2.at_most(w3));
-        if away <= 1e-3 * thickness {
-            return 0.0;
-        }
-        let sine = along.cross(across).length() / (along.length() * across.length());
-        let leans = [
-            self.lean(pair.first, -gap.normal),
-            self.lean(pair.second, gap.normal),
-        ];
-        let ends = |edge: u32| self.mesh.edges()[edge as usize].wings[1].is_none();
-        let bulge = if ends(pair.first) && ends(pair.second) {
-            away
-        } else {
-            -leans[0].at_most(leans[1]) * away
-        };
-        [
-            bulge / (BULGE * thickness),
-            sine / PARALLEL,
-            1.0 - leans[0].at_least(leans[1]) / LEAN,
-        ]
-        .into_iter()
-        .map(|part| part.clamp(0.0, 1.0))
-        .product()
+        let wings = self
+            .wings(pair)
+            .map(|wings| wings.map(|wing| wing.map(|p| self.start[p])));
+        edge_share::<f64>(
+            pair.places(&self.start),
+            wings,
+            gap.weights,
+            gap.normal,
+            thickness,
+        )
+    }
+
+    /// The vertices beside the edges of a pair, of faces that have them.
+    pub(super) fn wings(&self, pair: &Pair) -> [[Option<usize>; 2]; 2] {
+        let wings = |edge: u32| self.mesh.edges()[edge as usize].wings;
+        [pair.first, pair.second].map(|edge| wings(edge).map(|wing| wing.map(|p| p as usize)))
     }
 
     /// Returns true if a pair is a core's point with a face of the cloth.
@@ -208,44 +201,106 @@ impl Contact {
     /// Part of the barrier's stiffness that the middle of an edge or a face has against a round body: it
     /// grows with how much nearer the middle is than the ends, whose vertices push as well.
     fn share_of_round(&self, pair: &Pair, thickness: f64) -> f64 {
-        let corners = pair.places(&self.start);
-        let split = pair.kind.split();
-        let (own, core) = match pair.kind {
-            Kind::VertexFace => (&corners[split..], [corners[0]; 3]),
-            Kind::EdgeEdge => (&corners[..split], [corners[2], corners[3], corners[3]]),
-        };
-        let [a, b, c] = core;
-        let ends = own
-            .iter()
-            .map(|end| gap(Kind::VertexFace, [*end, a, b, c]).distance);
-        let nearer = ends.fold(f64::INFINITY, f64::at_most) - gap(pair.kind, corners).distance;
-        ((nearer / thickness - SLIGHT) / BULGE).clamp(0.0, 1.0)
+        round_share::<f64>(pair.kind, pair.places(&self.start), thickness)
     }
+}
 
-    /// Sine of the angle by which the faces beside an edge lean towards a direction; negative where
-    /// both lean away from it.
-    fn lean(&self, edge: u32, towards: DVec3) -> f64 {
-        let edge = self.mesh.edges()[edge as usize];
-        let [a, b] = edge.ends.map(|p| self.start[p as usize]);
-        let along = (b - a).normalize_or_zero();
-        let wings = edge.wings.iter().flatten().map(|wing| {
-            let arm = self.start[*wing as usize] - a;
-            let arm = (arm - along * along.dot(arm)).normalize_or_zero();
-            arm.dot(towards)
-        });
-        wings.fold(f64::NEG_INFINITY, f64::at_least)
+/// Distance of the features of a pair with these `corners`.
+pub(super) fn distance<N: Real>(kind: Kind, corners: [N::Vector; 4]) -> N {
+    let [a, b, c, d] = corners;
+    let [w0, w1, w2, w3] = weights::<N>(kind, corners);
+    let between = a * w0 + b * w1 + c * w2 + d * w3;
+    between.dot(between).sqrt()
+}
+
+/// The `share_of_round` of a pair with these `corners`.
+pub(super) fn round_share<N: Real>(kind: Kind, corners: [N::Vector; 4], thickness: f64) -> N {
+    let split = kind.split();
+    let (own, core) = match kind {
+        Kind::VertexFace => (&corners[split..], [corners[0]; 3]),
+        Kind::EdgeEdge => (&corners[..split], [corners[2], corners[3], corners[3]]),
+    };
+    let [a, b, c] = core;
+    let ends = own
+        .iter()
+        .map(|end| distance::<N>(Kind::VertexFace, [*end, a, b, c]));
+    let all = distance::<N>(kind, corners);
+    let nearer = ends.fold(all.same(f64::INFINITY), N::smaller) - all;
+    let share = (nearer / all.same(thickness) - SLIGHT) / all.same(BULGE);
+    share.at_least(0.0).at_most(1.0)
+}
+
+/// The `share` of a pair of edges with these `corners`, beside which stand these `wings`.
+pub(super) fn edge_share<N: Real>(
+    corners: [N::Vector; 4],
+    wings: [[Option<N::Vector>; 2]; 2],
+    weights: [N; 4],
+    normal: N::Vector,
+    thickness: f64,
+) -> N {
+    let [a, b, c, d] = corners;
+    let (along, across) = (b - a, d - c);
+    let length = |vector: N::Vector| -> N { vector.dot(vector).sqrt() };
+    // From the gap to the nearest end.
+    let [w0, w1, w2, w3] = weights.map(N::abs);
+    let nearest = [
+        length(along) * w0.smaller(w1),
+        length(across) * w2.smaller(w3),
+    ];
+    let away = nearest[0].smaller(nearest[1]);
+    if away.within(away.same(1e-3 * thickness)) {
+        return away.same(0.0);
     }
+    let sine = length(along.cross(across)) / (length(along) * length(across));
+    let leans = [
+        lean::<N>(a, along, wings[0], -normal),
+        lean::<N>(c, across, wings[1], normal),
+    ];
+    let is_free = wings.iter().all(|wings| wings[1].is_none());
+    let bulge = if is_free { away } else { -leans[0].smaller(leans[1]) * away };
+    let most = leans[0].greater(leans[1]);
+    let parts = [
+        bulge / away.same(BULGE * thickness),
+        sine / away.same(PARALLEL),
+        away.same(1.0) - most / away.same(LEAN),
+    ];
+    let [bulge, sine, lean] = parts.map(|part| part.at_least(0.0).at_most(1.0));
+    bulge * sine * lean
+}
+
+/// Sine of the angle by which the faces beside an edge lean towards a direction; negative where
+/// both lean away from it.
+fn lean<N: Real>(
+    a: N::Vector,
+    edge: N::Vector,
+    wings: [Option<N::Vector>; 2],
+    towards: N::Vector,
+) -> N {
+    let unit = |vector: N::Vector| {
+        let square: N = vector.dot(vector);
+        let length = square.sqrt();
+        let is_known = length.same(0.0).below(length);
+        let inverse = if is_known { length.same(1.0) / length } else { length };
+        vector * inverse
+    };
+    let along = unit(edge);
+    let wings = wings.into_iter().flatten().map(|wing| {
+        let arm = wing - a;
+        unit(arm - along * along.dot(arm)).dot(towards)
+    });
+    let least = edge.components()[0].same(f64::NEG_INFINITY);
+    wings.fold(least, N::greater)
 }
 
 /// Gap in which a pair pushes that is `now` this far apart: this one where it is less than
 /// `thickness` `[m]`, or the one at which the pair, one of a round body of this `radius` `[m]`, would meet on
 /// its `path`. None where it does not.
-fn meeting(kind: Kind, path: Path, now: Gap, thickness: f64, radius: f64) -> Option<Gap> {
+fn meeting(kind: Kind, path: Path, now: Gap, thickness: f64, radius: f64) -> Option<(Gap, Met)> {
     let near = if now.distance < thickness {
-        Some(now)
+        Some((now, Met::Start))
     } else {
         let impact = certify(kind, path, LEAST * thickness + radius).err();
-        impact.map(|impact| impact.gap)
+        impact.map(|impact| (impact.gap, Met::Ahead))
     };
-    near.filter(|gap| gap.normal != DVec3::ZERO)
+    near.filter(|(gap, _)| gap.normal != DVec3::ZERO)
 }

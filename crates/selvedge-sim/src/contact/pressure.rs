@@ -3,11 +3,11 @@
 
 use glam::DVec3;
 use selvedge_cloth::Scene;
-use selvedge_cloth::geometry::exp;
 use selvedge_contact::{Kind, Pair};
 
 use super::barrier::Tangent;
 use super::narrow_phase::ClosePair;
+use super::real::Real;
 
 /// Gap, as a part of that at which the push begins, below which it goes on straight.
 const CRUSHED: f64 = 0.15;
@@ -64,16 +64,13 @@ impl Pressure {
     }
 
     /// The tangent of the force at `gap` `[m]` of a pair of this `thickness` `[m]`.
-    pub(super) fn tangent(&self, gap: f64, thickness: f64) -> Tangent {
-        let begin = self.begin * thickness;
-        if gap >= begin {
-            return Tangent {
-                gap,
-                ..Tangent::default()
-            };
+    pub(super) fn tangent<N: Real>(&self, gap: N, thickness: f64) -> Tangent<N> {
+        let begin = gap.same(self.begin * thickness);
+        if begin.within(gap) {
+            return Tangent::none(gap);
         }
-        let gap = gap.max(CRUSHED * begin);
-        let grown = self.least * exp(self.rise * (1.0 - gap / begin));
+        let gap = gap.at_least(CRUSHED * self.begin * thickness);
+        let grown = ((gap.same(1.0) - gap / begin) * self.rise).exp() * self.least;
         Tangent {
             gap,
             force: grown - self.least,
@@ -82,9 +79,10 @@ impl Pressure {
     }
 
     /// The same of a pair that begins at `gap` `[m]`, if it is pressed firmly there.
-    pub(super) fn firm(&self, gap: f64, thickness: f64) -> Option<Tangent> {
+    pub(super) fn firm<N: Real>(&self, gap: N, thickness: f64) -> Option<Tangent<N>> {
         let tangent = self.tangent(gap, thickness);
-        (tangent.force > self.firm).then_some(tangent)
+        let is_firm = gap.same(self.firm).below(tangent.force);
+        is_firm.then_some(tangent)
     }
 }
 

@@ -71,8 +71,23 @@ impl Contact {
                 |force, carried| active.impulse(left, force, carried.filter(|_| looked_back)),
                 collisions,
             );
+            let solved = active
+                .system
+                .tape
+                .is_some()
+                .then(|| state.positions.clone());
             let outcome = self.resolve(left, span, state)?;
             self.received.add_pushes(left);
+            if let (Some(tape), Some(solved)) = (&mut active.system.tape, solved) {
+                self.record_collisions(tape, left, point);
+                if let Some(substep) = tape.last() {
+                    substep.way = [from + (to - from) * done, to];
+                }
+                if let Some(substep) = tape.last().filter(|_| solved != state.positions) {
+                    let ends = state.positions.iter().zip(solved);
+                    substep.pushed = ends.map(|(end, solved)| *end - solved).collect();
+                }
+            }
             match outcome {
                 Outcome::Released => {
                     self.received.take_back();
@@ -99,6 +114,12 @@ impl Contact {
                     history.forget();
                     active.system.forget_changes();
                     state.cut_back(&self.before, part);
+                    if let Some(tape) = &mut active.system.tape {
+                        if let Some(substep) = tape.last() {
+                            substep.safe = Some(part);
+                        }
+                        tape.settle(to);
+                    }
                     self.received.cut_back(part);
                     done += (1.0 - done) * part;
                     self.end[..state.positions.len()].copy_from_slice(&state.positions);

@@ -14,6 +14,7 @@ use selvedge_cloth::{HandleConstraint, Integrator, Scene, VertexId};
 
 use super::edge_projection::EdgeProjection;
 use super::history::History;
+use super::tape::TouchingTape;
 use super::two_step::TwoStep;
 use crate::edges::WatchedEdges;
 use crate::solver::{SolveError, System};
@@ -184,6 +185,9 @@ impl SecondOrder {
         state: &mut State,
         history: Option<&History>,
     ) -> Result<bool, SolveError> {
+        if let Some(tape) = &mut system.tape {
+            tape.begin(dt, state, history.map(|history| &history.before), targets);
+        }
         self.start.copy_from(state);
         self.stage = match history {
             Some(history) => {
@@ -214,6 +218,10 @@ impl SecondOrder {
         self.estimate.velocities.copy_from_slice(&state.velocities);
         let is_near = self.predict(&state.positions, self.stage.gamma);
         system.collisions.begin_stage();
+        if let Some(substep) = system.tape.as_mut().and_then(|tape| tape.last()) {
+            substep.touching = Some(TouchingTape { is_near });
+            substep.gamma = self.stage.gamma;
+        }
         if !is_near {
             // Velocities that strain it are no prediction.
             let expected = self.predicted.positions.iter().copied();
@@ -224,7 +232,7 @@ impl SecondOrder {
             self.predicted.velocities.fill(DVec3::ZERO);
             self.lead_handles(self.stage.gamma);
         }
-        self.solve_stage(system, state)
+        self.solve_stage(system, state, true)
     }
 
     /// Moves `state`, where the last solve of [`Self::advance_touching`] led, by another one that is
@@ -237,7 +245,7 @@ impl SecondOrder {
         self.predicted.copy_from(&self.estimate);
         self.changes.copy_from_slice(system.changes().0);
         system.forget_changes();
-        let is_near = self.solve_stage(system, state)?;
+        let is_near = self.solve_stage(system, state, false)?;
         // The next substep begins with all of the change, not with this correction.
         for (sum, change) in self.changes.iter_mut().zip(system.changes().0) {
             *sum += *change;
@@ -246,11 +254,17 @@ impl SecondOrder {
         Ok(is_near)
     }
 
-    /// One solve of the stage under way, from `self.predicted`.
-    fn solve_stage(&mut self, system: &mut System, state: &mut State) -> Result<bool, SolveError> {
+    /// One solve of the stage under way, the first or a further one, from `self.predicted`.
+    fn solve_stage(
+        &mut self,
+        system: &mut System,
+        state: &mut State,
+        is_first: bool,
+    ) -> Result<bool, SolveError> {
         let Stage { gamma, span, point } = self.stage;
         system.linearise(gamma, &self.base.velocities, &self.predicted, &self.targets);
         system.solve(span)?;
+        system.record(is_first, &self.predicted);
         self.estimate.copy_from(&self.predicted);
         system.apply(gamma, &self.predicted, &mut self.estimate);
         self.estimate.check_finite()?;

@@ -2,19 +2,28 @@
 
 use glam::DVec3;
 
+use crate::contact::{CollisionTape, Collisions};
 use crate::state::State;
 
 /// The substeps of a frame as they were taken.
 #[derive(Debug, Default)]
 pub(crate) struct Tape {
-    pub(crate) substeps: Vec<SubstepTape>,
+    substeps: Vec<SubstepTape>,
+    /// Substeps that stay; those after them are dropped when one begins.
+    settled: usize,
 }
 
-/// A substep as it was taken.
+/// A substep, or the part of one that was safe, as it was taken.
 #[derive(Debug)]
 pub(crate) struct SubstepTape {
     /// Length `[s]`.
     pub(crate) dt: f64,
+    /// γ of its last stage `[s]`, where things touched.
+    pub(crate) gamma: f64,
+    /// Its start, and its end, to which obstacles go, as parts of the frame, where things touched.
+    pub(crate) way: [f64; 2],
+    /// Its end, to which handles are led, as a part of the frame.
+    pub(crate) fraction: f64,
     pub(crate) start: State,
     /// The state before, of a substep that looked back to one.
     pub(crate) before: Option<State>,
@@ -24,6 +33,19 @@ pub(crate) struct SubstepTape {
     pub(crate) fell_back: bool,
     /// The stages, each with its solves.
     pub(crate) stages: Vec<Vec<SolveTape>>,
+    /// What contact did, of a substep in which things touched.
+    pub(crate) touching: Option<TouchingTape>,
+    /// Moves by which pairs were pushed apart after the last solve `[m]`, `[vertices]`; empty if none was.
+    pub(crate) pushed: Vec<DVec3>,
+    /// The part of it that was safe, if not all.
+    pub(crate) safe: Option<f64>,
+}
+
+/// A substep in which things touched.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TouchingTape {
+    /// False if the prediction strained the cloth, and solves began from the base at rest.
+    pub(crate) is_near: bool,
 }
 
 /// A solve as it was taken.
@@ -33,6 +55,10 @@ pub(crate) struct SolveTape {
     pub(crate) at: State,
     /// Δv `[m/s]`, `[vertices]`.
     pub(crate) changes: Vec<DVec3>,
+    /// What pushed.
+    pub(crate) collisions: Collisions,
+    /// What each of those came from, `[collisions]`.
+    pub(crate) came_from: Vec<CollisionTape>,
 }
 
 impl Tape {
@@ -44,27 +70,70 @@ impl Tape {
         before: Option<&State>,
         targets: &[DVec3],
     ) {
+        self.substeps.truncate(self.settled);
         self.substeps.push(SubstepTape {
             dt,
+            gamma: dt,
+            way: [0.0, 1.0],
+            fraction: 1.0,
             start: start.clone(),
             before: before.cloned(),
             targets: targets.to_vec(),
             fell_back: false,
             stages: Vec::new(),
+            touching: None,
+            pushed: Vec::new(),
+            safe: None,
         });
+    }
+
+    /// The substep under way.
+    pub(crate) fn last(&mut self) -> Option<&mut SubstepTape> {
+        self.substeps[self.settled..].last_mut()
+    }
+
+    /// Keeps the substep under way, which ends at this part of the frame.
+    pub(crate) fn settle(&mut self, fraction: f64) {
+        if let Some(last) = self.last() {
+            last.fraction = fraction;
+        }
+        self.settled = self.substeps.len();
+    }
+
+    /// Substeps that are kept.
+    pub(crate) fn settled(&self) -> usize {
+        self.settled
+    }
+
+    /// Drops all but the first substeps.
+    pub(crate) fn truncate(&mut self, substeps: usize) {
+        self.substeps.truncate(substeps);
+        self.settled = self.substeps.len();
+    }
+
+    /// The substeps, which are taken out.
+    pub(crate) fn take(&mut self) -> Vec<SubstepTape> {
+        self.settled = 0;
+        std::mem::take(&mut self.substeps)
     }
 
     /// Forgets the stages of the substep under way, which goes on by backward Euler.
     pub(crate) fn fall_back(&mut self) {
-        if let Some(last) = self.substeps.last_mut() {
+        if let Some(last) = self.last() {
             last.fell_back = true;
             last.stages.clear();
         }
     }
 
     /// Keeps a solve linearised at `at`, the `first` of its stage or a further one.
-    pub(crate) fn solved(&mut self, first: bool, at: &State, changes: &[DVec3]) {
-        let Some(last) = self.substeps.last_mut() else {
+    pub(crate) fn solved(
+        &mut self,
+        first: bool,
+        at: &State,
+        changes: &[DVec3],
+        collisions: &Collisions,
+    ) {
+        let Some(last) = self.last() else {
             return;
         };
         if first {
@@ -74,6 +143,8 @@ impl Tape {
             stage.push(SolveTape {
                 at: at.clone(),
                 changes: changes.to_vec(),
+                collisions: collisions.clone(),
+                came_from: Vec::new(),
             });
         }
     }
@@ -82,10 +153,12 @@ impl Tape {
     pub(crate) fn bytes(&self) -> usize {
         let substeps = self.substeps.iter();
         let vectors = substeps.map(|substep| {
-            let solves: usize = substep.stages.iter().map(Vec::len).sum();
-            let states = 2 + 2 * usize::from(substep.before.is_some()) + 3 * solves;
-            states * substep.start.positions.len() + substep.targets.len()
+            let solves = || substep.stages.iter().flatten();
+            let states = 2 + 2 * usize::from(substep.before.is_some()) + 3 * solves().count();
+            let vectors = states * substep.start.positions.len() + substep.targets.len();
+            let touching: usize = solves().map(|solve| solve.collisions.bytes()).sum();
+            vectors * size_of::<DVec3>() + touching
         });
-        vectors.sum::<usize>() * size_of::<DVec3>()
+        vectors.sum()
     }
 }

@@ -286,10 +286,10 @@ impl BendElement {
         let by_gradient: [DVec3; 4] =
             std::array::from_fn(|k| -(multipliers[k] * torque + w[k] * (along_l * at.tangent)));
         // The gradient's own derivative is symmetric: that along `by_gradient` is what it has to give.
-        let moved = std::array::from_fn(|k| DualVector::new(corners[k], by_gradient[k]));
+        let moved = std::array::from_fn(|k| DualVector::new(corners[k], [by_gradient[k]]));
         let turned = angle_gradient::<Dual>(moved);
         BendSlopes {
-            by_places: std::array::from_fn(|k| turned[k].rate() + at.gradient[k] * by_angle),
+            by_places: std::array::from_fn(|k| turned[k].rates()[0] + at.gradient[k] * by_angle),
             by_w: at.gradient.map(|g| g * (-along_l * at.tangent)),
             by_stiffness: std::array::from_fn(|j| {
                 let tangent = if is_cut { 0.0 } else { weights[j] + curvature * rises[j] };

@@ -8,6 +8,7 @@ use glam::DVec3;
 use selvedge_cloth::{LinearSolver, Scene};
 
 use super::start::scene_at_start;
+use crate::contact::Collisions;
 use crate::integrator::SolveTape;
 use crate::simulator::{GradientError, check_gradient};
 use crate::solver::{ElementSums, MaterialGradient, SolveError, System};
@@ -63,6 +64,8 @@ pub fn sag_gradient(
                 velocities: zeros(),
             },
             changes: zeros(),
+            collisions: Collisions::default(),
+            came_from: Vec::new(),
         },
         nothing: zeros(),
         sums: system.elements().no_sums(),

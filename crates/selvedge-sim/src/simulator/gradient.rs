@@ -7,12 +7,13 @@
 
 use glam::DVec3;
 use selvedge_cloth::{
-    AirLaw, ElasticLaw, Environment, HandleTargets, Scene, Snapshot, StepError, Stepper,
+    AirLaw, ElasticLaw, Environment, HandleTargets, Integrator, Scene, Snapshot, StepError, Stepper,
 };
 use thiserror::Error;
 
 use super::Simulator;
 use crate::active_handles::ActiveHandles;
+use crate::contact::ObstacleSlope;
 use crate::integrator::{Pulled, SubstepTape};
 use crate::solver::{MaterialGradient, SolveError};
 use crate::state::State;
@@ -55,6 +56,8 @@ pub struct Gradient {
     /// By the targets of each frame, `[frames][samples * handles]` as [`HandleTargets::sampled`] has
     /// them; 0 of handles that are let go.
     pub targets: Vec<Vec<DVec3>>,
+    /// By rigid motions of the obstacles at the start and after each frame, `[frames + 1][obstacles]`.
+    pub obstacles: Vec<Vec<ObstacleSlope>>,
     /// By gravity.
     pub gravity: DVec3,
     /// By the constant wind.
@@ -149,7 +152,8 @@ impl Simulator {
     /// keep their bytes. Whatever moves the cloth otherwise ends the recording.
     ///
     /// # Errors
-    /// [`GradientError::Scene`] for contact, and for a law or an air that has no derivatives.
+    /// [`GradientError::Scene`] for a law or an air that has no derivatives, and for contact with
+    /// [`Integrator::Linearised`].
     pub fn record_gradient(&mut self, settings: GradientSettings) -> Result<(), GradientError> {
         check(&self.scene)?;
         self.recording = Some(Box::new(Recording {
@@ -210,7 +214,7 @@ impl Simulator {
         let last = recording.frames.len() - 1;
         if let Some(tape) = &mut self.active.system.tape {
             let bytes = tape.bytes();
-            recording.keep(last, std::mem::take(&mut tape.substeps), bytes);
+            recording.keep(last, tape.take(), bytes);
         }
         let segment = recording.settings.segment.max(1);
         while recording.bytes > recording.settings.memory && recording.forgotten + segment <= last {
@@ -251,6 +255,10 @@ impl Simulator {
         let vertices = self.rounded.len();
         let mut state = State::at_origin(vertices);
         let mut before = State::at_origin(vertices);
+        let mut anchors = Vec::new();
+        let bodies = self.scene.obstacles.len();
+        let mut obstacles =
+            vec![vec![ObstacleSlope::default(); bodies]; recording.frames.len() + 1];
         let mut ask = |frame: usize, state: &mut State| {
             let mut by = StateGradient {
                 positions: std::mem::take(&mut state.positions),
@@ -288,14 +296,16 @@ impl Simulator {
             solver.system.set_environment(frame.environment);
             let active: Vec<usize> = (0..handles.len()).filter(|h| frame.holds[*h]).collect();
             let mut reached = vec![DVec3::ZERO; handles.len()];
-            let count = frame.substeps.len();
             let by_gravity = sums.gravity;
-            for (number, substep) in frame.substeps.iter().enumerate().rev() {
+            for substep in frame.substeps.iter().rev() {
                 let mut by_targets = vec![DVec3::ZERO; active.len()];
+                let mut by_obstacles = vec![[ObstacleSlope::default(); 2]; bodies];
                 let mut pulled = Pulled {
                     state: &mut state,
                     before: &mut before,
                     targets: &mut by_targets,
+                    anchors: &mut anchors,
+                    obstacles: &mut by_obstacles,
                     sums: &mut sums,
                 };
                 let solved = solver.pull_back(substep, &mut pulled);
@@ -303,10 +313,17 @@ impl Simulator {
                     frame: k + 1,
                     cause: error.to_string(),
                 })?;
-                let fraction = (number + 1) as f64 / count as f64;
+                for (part, k) in [(0.0, k), (1.0, k + 1)] {
+                    for (sum, by) in obstacles[k].iter_mut().zip(&by_obstacles) {
+                        for (by, way) in by.iter().zip(substep.way) {
+                            sum.add(*by, 1.0 - (way - part).abs());
+                        }
+                    }
+                }
                 for (handle, by) in active.iter().zip(by_targets) {
                     let into = &mut targets[k];
-                    reached[*handle] += frame.targets.pull_back(*handle, fraction, by, into);
+                    reached[*handle] +=
+                        frame.targets.pull_back(*handle, substep.fraction, by, into);
                 }
             }
             // An onset scales what the scene has.
@@ -341,6 +358,7 @@ impl Simulator {
                 velocities: state.velocities,
             },
             targets,
+            obstacles,
             gravity: sums.gravity,
             wind: sums.wind,
             air_density: sums.air_density,
@@ -370,9 +388,9 @@ impl Simulator {
         for k in first..=k {
             self.active.system.tape = Some(Box::default());
             self.step(&recording.frames[k].targets.clone())?;
-            if let Some(tape) = self.active.system.tape.take() {
+            if let Some(mut tape) = self.active.system.tape.take() {
                 let bytes = tape.bytes();
-                recording.keep(k, tape.substeps, bytes);
+                recording.keep(k, tape.take(), bytes);
             }
         }
         Ok(())
@@ -389,9 +407,9 @@ pub(crate) fn check(scene: &Scene) -> Result<(), GradientError> {
             remedy,
         })
     };
-    if scene.contact.is_some() {
-        let remedy = "remove `contact` and the obstacles";
-        return refused("contact", "", remedy);
+    if scene.contact.is_some() && scene.physics.integrator == Integrator::Linearised {
+        let remedy = "take \"generalised-alpha\", or remove `contact` and the obstacles";
+        return refused("physics.integrator", "\"linearised\" with contact", remedy);
     }
     if scene.physics.law != ElasticLaw::Energy {
         let remedy = "write \"energy\", the only law that has an energy";

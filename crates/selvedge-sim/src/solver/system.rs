@@ -280,7 +280,7 @@ impl System {
     /// Keeps the solve linearised at `at`, the `first` of its stage, where someone wants it.
     pub(crate) fn record(&mut self, first: bool, at: &State) {
         if let Some(tape) = &mut self.tape {
-            tape.solved(first, at, &self.changes);
+            tape.solved(first, at, &self.changes, &self.collisions);
         }
     }
 

@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 use selvedge_cloth::{
-    AirLaw, ContactSettings, ElasticLaw, Gust, HandleConstraint, HandleTargets, Integrator,
-    LinearSolver, Scene, Stepper,
+    AirLaw, ElasticLaw, Gust, HandleConstraint, HandleTargets, Integrator, LinearSolver, Scene,
+    Stepper,
 };
 use selvedge_sim::{Gradient, GradientError, GradientSettings, Simulator, StateGradient};
 
@@ -11,12 +11,12 @@ use crate::scenes::{CAMEL, DENIM, GRAY, NAVY, hanging, material};
 
 /// All that a run depends on.
 #[derive(Clone)]
-struct Case {
-    scene: Scene,
-    positions: Vec<DVec3>,
-    velocities: Vec<DVec3>,
+pub(crate) struct Case {
+    pub(crate) scene: Scene,
+    pub(crate) positions: Vec<DVec3>,
+    pub(crate) velocities: Vec<DVec3>,
     /// Targets of each frame, `[frames][samples * handles]`, and the handles that are let go.
-    targets: Vec<(Vec<DVec3>, Vec<bool>)>,
+    pub(crate) targets: Vec<(Vec<DVec3>, Vec<bool>)>,
 }
 
 /// Numbers between -1 and 1 that look random.
@@ -28,7 +28,7 @@ fn vector(k: usize) -> DVec3 {
     DVec3::new(noise(3 * k), noise(3 * k + 1), noise(3 * k + 2))
 }
 
-fn vectors(from: usize, count: usize) -> Vec<DVec3> {
+pub(crate) fn vectors(from: usize, count: usize) -> Vec<DVec3> {
     (from..from + count).map(vector).collect()
 }
 
@@ -75,7 +75,7 @@ impl Case {
         targets.releasing(released.clone()).unwrap()
     }
 
-    fn simulator(&self) -> Simulator {
+    pub(crate) fn simulator(&self) -> Simulator {
         let start = (self.positions.clone(), self.velocities.clone());
         Simulator::with_state(&self.scene, start.0, start.1).unwrap()
     }
@@ -106,7 +106,7 @@ impl Case {
         }
     }
 
-    fn gradient_by(&self, settings: GradientSettings) -> Gradient {
+    pub(crate) fn gradient_by(&self, settings: GradientSettings) -> Gradient {
         let mut simulator = self.simulator();
         simulator.record_gradient(settings).unwrap();
         for frame in 0..self.targets.len() {
@@ -127,14 +127,14 @@ impl Case {
         made.unwrap()
     }
 
-    fn gradient(&self) -> Gradient {
+    pub(crate) fn gradient(&self) -> Gradient {
         self.gradient_by(GradientSettings::default())
     }
 
     /// Slope of the value where `change` moves the case by a part: differences of fourth order, with
     /// the one of some steps that is nearest to what was `found`. Long steps cross kinks of the laws,
     /// short ones have few digits.
-    fn slope(&self, found: f64, step: f64, change: impl Fn(&mut Self, f64)) -> f64 {
+    pub(crate) fn slope(&self, found: f64, step: f64, change: impl Fn(&mut Self, f64)) -> f64 {
         let at = |part: f64| {
             let mut moved = self.clone();
             change(&mut moved, part);
@@ -406,10 +406,6 @@ fn what_has_no_gradient_is_refused() {
         let text = error.unwrap_err().to_string();
         assert!(text.contains(word), "{text}");
     };
-    refused(
-        &|s| s.contact = Some(ContactSettings::default()),
-        "remove `contact`",
-    );
     refused(&|s| s.physics.law = ElasticLaw::Measured, "physics.law");
     refused(
         &|s| {

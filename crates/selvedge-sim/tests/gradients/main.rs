@@ -8,4 +8,8 @@ mod rest;
 #[allow(dead_code, reason = "other tests need the rest of them")]
 #[path = "../physics/scenes.rs"]
 mod scenes;
+#[allow(dead_code, reason = "other tests need the rest of them")]
+#[path = "../physics/sheets.rs"]
+mod sheets;
 mod third_derivatives;
+mod touching;

@@ -2,8 +2,8 @@
 
 use std::time::Instant;
 
-use glam::DVec3;
-use selvedge_cloth::{HandleTargets, Stepper};
+use glam::{DQuat, DVec3};
+use selvedge_cloth::{ContactSettings, HandleTargets, Handles, Obstacle, Scene, Stepper, bodies};
 use selvedge_sim::{GradientSettings, Simulator, Threads};
 
 use crate::scenes::{by_default, held};
@@ -16,29 +16,52 @@ fn peak() -> f64 {
     kilobytes.unwrap_or(f64::NAN) / 1e3
 }
 
+/// A sheet of 1024 vertices that falls on a ball.
+#[test]
+#[ignore = "it measures"]
+fn sixty_frames_with_contact() {
+    let mut scene = by_default(32);
+    scene.handles = Handles::new(&[], 1024).unwrap();
+    let flat = DQuat::from_rotation_z(std::f64::consts::FRAC_PI_2);
+    let places = scene.mesh.positions().iter();
+    let lying = places.map(|p| flat * *p - DVec3::X * 0.5).collect();
+    let ball = bodies::sphere(0.3, 0.05).placed(1.0, |p| p - DVec3::Y * 0.33);
+    scene.obstacles = vec![Obstacle::of("ball", ball).unwrap()];
+    scene.contact = Some(ContactSettings::default());
+    scene.mesh = scene.mesh.with_positions(lying).unwrap();
+    measure(&scene, 60, &|_| {
+        HandleTargets::at_frame_end(Vec::new()).unwrap()
+    });
+}
+
 #[test]
 #[ignore = "it measures"]
 fn three_hundred_frames_of_1024_vertices() {
     let mut scene = by_default(32);
     scene.environment.wind = DVec3::new(1.0, 0.2, -0.5);
-    let frames = 300;
+    measure(&scene, 300, &|frame| {
+        let time = f64::from(frame) / 60.0;
+        let way = DVec3::new(
+            0.3 * (3.0 * time).sin(),
+            0.0,
+            0.1 * (5.0 * time).cos() - 0.1,
+        );
+        let places = held(&scene).into_iter().map(|place| place + way);
+        HandleTargets::at_frame_end(places.collect()).unwrap()
+    });
+}
+
+/// Prints the time of a run alone, recorded and back, and the memory of the process.
+fn measure(scene: &Scene, frames: u32, targets: &dyn Fn(u32) -> HandleTargets) {
     let run = |settings: Option<GradientSettings>| {
-        let mut simulator = Simulator::new(&scene).unwrap();
+        let mut simulator = Simulator::new(scene).unwrap();
         simulator.set_threads(Threads::One);
         if let Some(settings) = settings {
             simulator.record_gradient(settings).unwrap();
         }
         let began = Instant::now();
         for frame in 1..=frames {
-            let time = f64::from(frame) / 60.0;
-            let way = DVec3::new(
-                0.3 * (3.0 * time).sin(),
-                0.0,
-                0.1 * (5.0 * time).cos() - 0.1,
-            );
-            let places = held(&scene).into_iter().map(|place| place + way);
-            let targets = HandleTargets::at_frame_end(places.collect()).unwrap();
-            simulator.step(&targets).unwrap();
+            simulator.step(&targets(frame)).unwrap();
         }
         (simulator, began.elapsed().as_secs_f64())
     };

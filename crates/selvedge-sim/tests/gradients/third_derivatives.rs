@@ -38,18 +38,21 @@ fn third(law: &StretchEnergy, along: [DVec3; 3], moving: [DVec3; 3]) -> [DVec3; 
         shape_v,
         area,
     } = StretchElement::new(REST);
-    let constant = |value| Dual { value, rate: 0.0 };
+    let constant = |value| Dual {
+        value,
+        rates: [0.0],
+    };
     let element = StretchElement {
         shape_u: shape_u.map(constant),
         shape_v: shape_v.map(constant),
         area: constant(area),
     };
-    let places = std::array::from_fn(|k| DualVector::new(stretched()[k], moving[k]));
-    let along = along.map(|a| DualVector::new(a, DVec3::ZERO));
+    let places = std::array::from_fn(|k| DualVector::new(stretched()[k], [moving[k]]));
+    let along = along.map(|a| DualVector::new(a, [DVec3::ZERO]));
     let product = element
         .respond(law, true, places)
         .negative_jacobian_times(along);
-    product.map(DualVector::rate)
+    product.map(|p| p.rates()[0])
 }
 
 #[test]
@@ -92,8 +95,8 @@ fn the_angle_of_a_hinge() {
         [a, b, c, d]
     };
     let along = |by: [DVec3; 4]| -> [DVec3; 4] {
-        let moved = std::array::from_fn(|k| DualVector::new(corners[k], by[k]));
-        angle_gradient::<Dual>(moved).map(DualVector::rate)
+        let moved = std::array::from_fn(|k| DualVector::new(corners[k], [by[k]]));
+        angle_gradient::<Dual>(moved).map(|p| p.rates()[0])
     };
     let (a, b) = (direction(3), direction(9));
     let moved =

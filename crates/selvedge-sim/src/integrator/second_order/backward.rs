@@ -3,8 +3,9 @@
 use glam::DVec3;
 use selvedge_cloth::{HandleConstraint, VertexId};
 
-use super::super::tape::{SolveTape, SubstepTape};
+use super::super::tape::{SolveTape, SubstepTape, TouchingTape};
 use super::{START, SecondOrder};
+use crate::contact::{AnchorSlope, ObstacleSlope, PlaceSlopes, Places};
 use crate::solver::{ElementSums, SolveError, System};
 use crate::state::State;
 
@@ -17,6 +18,10 @@ pub(crate) struct Pulled<'a> {
     pub(crate) before: &'a mut State,
     /// By the targets of the active handles at its end, `[handles]`.
     pub(crate) targets: &'a mut Vec<DVec3>,
+    /// By the pulls of anchors, likewise.
+    pub(crate) anchors: &'a mut Vec<AnchorSlope>,
+    /// By the places of obstacles at its start and end, `[obstacles]`.
+    pub(crate) obstacles: &'a mut [[ObstacleSlope; 2]],
     pub(crate) sums: &'a mut ElementSums,
 }
 
@@ -30,6 +35,10 @@ struct Stage<'a> {
     start: &'a [DVec3],
     targets: &'a [DVec3],
     solves: &'a [SolveTape],
+    /// False where the solves did not begin from the prediction, but from the base at rest.
+    is_predicted: bool,
+    /// Length of the substep `[s]`.
+    dt: f64,
 }
 
 /// Derivatives by what a stage is made from.
@@ -65,13 +74,147 @@ impl SecondOrder {
         substep: &SubstepTape,
         pulled: &mut Pulled<'_>,
     ) -> Result<(), SolveError> {
-        if substep.fell_back {
-            self.pull_fallback(system, substep, pulled)
-        } else if let Some(before) = &substep.before {
-            self.pull_look_back(system, substep, before, pulled)
-        } else {
-            self.pull_start(system, substep, pulled)
+        if let Some(touching) = substep.touching {
+            return self.pull_touching(system, substep, touching, pulled);
         }
+        pulled.anchors.clear();
+        let by_start = cut(substep, pulled.state);
+        if substep.fell_back {
+            self.pull_fallback(system, substep, pulled)?;
+        } else if let Some(before) = &substep.before {
+            self.pull_look_back(system, substep, before, pulled)?;
+        } else {
+            self.pull_start(system, substep, pulled)?;
+        }
+        add_states(pulled.state, &by_start, 1.0);
+        Ok(())
+    }
+
+    /// A substep in which things touched: one stage of the formula, or of backward Euler.
+    fn pull_touching(
+        &mut self,
+        system: &mut System,
+        substep: &SubstepTape,
+        tape: TouchingTape,
+        pulled: &mut Pulled<'_>,
+    ) -> Result<(), SolveError> {
+        let (formula, start) = (self.formula, &substep.start);
+        let count = start.positions.len();
+        let (mut at_start, mut at_before) = (zeros(count), zeros(count));
+        let mut base = start.clone();
+        let (mut gamma, mut point) = (substep.dt, 1.0);
+        if let Some(before) = &substep.before {
+            base.extrapolate(start, before, formula.weight);
+            (gamma, point) = (formula.gamma(substep.dt), formula.point);
+        }
+        let targets = between(system, start, &substep.targets, point);
+        let stage = Stage {
+            gamma,
+            base: &base,
+            velocities: &start.velocities,
+            start: &start.positions,
+            targets: &targets,
+            solves: substep.stages.first().map_or(&[], |solves| solves),
+            is_predicted: tape.is_near,
+            dt: substep.dt,
+        };
+        let by_expected = vec![DVec3::ZERO; count];
+        let mut touching = Touching {
+            expected: self.predict_again(&stage).1,
+            by_estimates: vec![by_expected.clone(); stage.solves.len()],
+            by_expected,
+            by_masses: vec![0.0; count],
+            anchors: pulled.anchors,
+            obstacles: pulled.obstacles,
+        };
+        self.pull_anchors(
+            substep,
+            &stage,
+            point,
+            &mut touching,
+            pulled.state,
+            &mut at_start,
+        );
+        add_states(&mut at_start, &cut(substep, pulled.state), 1.0);
+        let mut end = pulled.state.clone();
+        if substep.before.is_some() {
+            let [by_end, by_start, by_before] = formula.before_weights();
+            add_states(&mut end, pulled.before, by_end);
+            add_states(&mut at_start, pulled.before, by_start);
+            add_states(&mut at_before, pulled.before, by_before);
+        } else {
+            add_states(&mut at_start, pulled.before, 1.0);
+        }
+        for (vertex, target) in self.held.iter().zip(pulled.targets.iter_mut()) {
+            *target += std::mem::take(&mut end.positions[vertex.index()]);
+        }
+        let mut estimate = zeros(count);
+        add_states(&mut estimate, &end, 1.0 / point);
+        add_states(&mut at_start, &end, 1.0 - 1.0 / point);
+        let slopes = self.pull_stage(system, &stage, estimate, Some(&mut touching), pulled.sums)?;
+        let masses = pulled.sums.mass.iter_mut().zip(touching.by_masses);
+        masses.for_each(|(sum, by)| *sum += by);
+        if substep.before.is_some() {
+            add_states(&mut at_start, &slopes.base, 1.0 + formula.weight);
+            add_states(&mut at_before, &slopes.base, -formula.weight);
+        } else {
+            add_states(&mut at_start, &slopes.base, 1.0);
+        }
+        add(&mut at_start.velocities, &slopes.velocities, 1.0);
+        add(&mut at_start.positions, &slopes.start, 1.0);
+        self.pull_between(system, point, &slopes.targets, &mut at_start, pulled);
+        *pulled.state = at_start;
+        *pulled.before = at_before;
+        Ok(())
+    }
+
+    /// Takes the anchors that the last solve left at the end of the substep backwards; `by_end` are derivatives
+    /// by the state there.
+    fn pull_anchors(
+        &self,
+        substep: &SubstepTape,
+        stage: &Stage<'_>,
+        point: f64,
+        touching: &mut Touching<'_>,
+        by_end: &mut State,
+        at_start: &mut State,
+    ) {
+        let slopes = std::mem::take(touching.anchors);
+        let Some(last) = stage.solves.last().filter(|_| !slopes.is_empty()) else {
+            return;
+        };
+        let estimate = last.at.positions.iter().zip(&last.changes);
+        let ends = estimate.zip(stage.start).map(|((at, change), start)| {
+            let estimate = *at + *change * stage.gamma;
+            if point == 1.0 { estimate } else { self.formula.end(*start, estimate) }
+        });
+        let mut end: Vec<DVec3> = ends.collect();
+        for (vertex, target) in self.held.iter().zip(&substep.targets) {
+            end[vertex.index()] = *target;
+        }
+        add(&mut end[..substep.pushed.len()], &substep.pushed, 1.0);
+        if let Some(part) = substep.safe {
+            let ways = end.iter_mut().zip(stage.start);
+            ways.for_each(|(end, start)| *end = start.lerp(*end, part));
+        }
+        let places = Places {
+            gamma: stage.gamma,
+            time: stage.dt,
+            expected: &touching.expected,
+            end: &end,
+            part: substep.safe.unwrap_or(1.0),
+        };
+        let mut by = PlaceSlopes {
+            start: &mut at_start.positions,
+            velocities: &mut at_start.velocities,
+            expected: &mut touching.by_expected,
+            end: &mut by_end.positions,
+            estimates: &mut touching.by_estimates,
+            masses: &mut touching.by_masses,
+            obstacles: touching.obstacles,
+        };
+        let (all, came_from) = (&last.collisions, &last.came_from);
+        all.pull_anchors(came_from, places, &slopes, &mut by, touching.anchors);
     }
 
     fn pull_look_back(
@@ -105,8 +248,10 @@ impl SecondOrder {
             start: &start.positions,
             targets: &targets,
             solves: &substep.stages[0],
+            is_predicted: true,
+            dt: substep.dt,
         };
-        let slopes = self.pull_stage(system, &stage, estimate, pulled.sums)?;
+        let slopes = self.pull_stage(system, &stage, estimate, None, pulled.sums)?;
         add_states(&mut at_start, &slopes.base, 1.0 + formula.weight);
         add_states(&mut at_before, &slopes.base, -formula.weight);
         add(&mut at_start.velocities, &slopes.velocities, 1.0);
@@ -155,8 +300,10 @@ impl SecondOrder {
             start: &start.positions,
             targets: &substep.targets,
             solves: &substep.stages[1],
+            is_predicted: true,
+            dt: substep.dt,
         };
-        let mut slopes = self.pull_stage(system, &second, end, pulled.sums)?;
+        let mut slopes = self.pull_stage(system, &second, end, None, pulled.sums)?;
         add_states(&mut slopes.base, pulled.before, rate);
         add(&mut at_start.positions, &slopes.start, 1.0);
         add(pulled.targets, &slopes.targets, 1.0);
@@ -172,8 +319,10 @@ impl SecondOrder {
             start: &start.positions,
             targets: &targets,
             solves: &substep.stages[0],
+            is_predicted: true,
+            dt: substep.dt,
         };
-        let slopes = self.pull_stage(system, &stage, estimate, pulled.sums)?;
+        let slopes = self.pull_stage(system, &stage, estimate, None, pulled.sums)?;
         add_states(&mut at_start, &slopes.base, 1.0);
         add(&mut at_start.velocities, &slopes.velocities, 1.0);
         add(&mut at_start.positions, &slopes.start, 1.0);
@@ -196,11 +345,15 @@ impl SecondOrder {
             let mut base = vec![DVec3::ZERO; count];
             let solved = Solved {
                 gamma: substep.dt,
+                dt: substep.dt,
                 base: &substep.start.velocities,
                 targets: &substep.targets,
                 solves,
             };
-            let by_targets = solved.pull_back(system, pulled.state, &mut base, pulled.sums)?;
+            let by_targets = {
+                let room = [&mut [][..], &mut [][..]];
+                solved.pull_back(system, pulled.state, &mut base, None, room, pulled.sums)?
+            };
             add(&mut at_start.velocities, &base, 1.0);
             add(pulled.targets, &by_targets, 1.0);
         }
@@ -209,12 +362,28 @@ impl SecondOrder {
         Ok(())
     }
 
-    /// A stage backwards, from derivatives by its `estimate`.
+    /// The prediction of a stage, before its edges were brought back and after `[m]`, `[vertices]`.
+    fn predict_again(&mut self, stage: &Stage<'_>) -> (Vec<DVec3>, Vec<DVec3>) {
+        let velocities = stage.velocities.iter().zip(&stage.base.positions);
+        let mut raw: Vec<DVec3> = velocities
+            .map(|(v, base)| *base + *v * stage.gamma)
+            .collect();
+        for (vertex, target) in self.held.iter().zip(stage.targets) {
+            raw[vertex.index()] = *target;
+        }
+        let mut places = raw.clone();
+        self.projection.project(stage.start, &mut places);
+        (raw, places)
+    }
+
+    /// A stage backwards, from derivatives by its `estimate`; where things touch, with where the cloth was
+    /// expected, derivatives by that, and room for those by anchors.
     fn pull_stage(
         &mut self,
         system: &mut System,
         stage: &Stage<'_>,
         mut estimate: State,
+        mut touching: Option<&mut Touching<'_>>,
         sums: &mut ElementSums,
     ) -> Result<StageSlopes, SolveError> {
         let (gamma, base) = (stage.gamma, stage.base);
@@ -227,22 +396,36 @@ impl SecondOrder {
         };
         let solved = Solved {
             gamma,
+            dt: stage.dt,
             base: &base.velocities,
             targets: stage.targets,
             solves: stage.solves,
         };
-        slopes.targets =
-            solved.pull_back(system, &mut estimate, &mut slopes.base.velocities, sums)?;
-        // The prediction before its edges were brought back, and after.
-        let velocities = stage.velocities.iter().zip(&base.positions);
-        let mut raw: Vec<DVec3> = velocities.map(|(v, base)| *base + *v * gamma).collect();
-        for (vertex, target) in self.held.iter().zip(stage.targets) {
-            raw[vertex.index()] = *target;
-        }
-        let mut places = raw.clone();
+        slopes.targets = solved.pull_back(
+            system,
+            &mut estimate,
+            &mut slopes.base.velocities,
+            touching.as_deref_mut(),
+            [&mut slopes.start, &mut slopes.velocities],
+            sums,
+        )?;
         let by = &mut estimate;
+        if !stage.is_predicted {
+            for (handle, vertex) in self.held.iter().enumerate() {
+                let v = vertex.index();
+                let velocity = std::mem::take(&mut by.velocities[v]) / gamma;
+                slopes.targets[handle] += std::mem::take(&mut by.positions[v]) + velocity;
+                slopes.base.positions[v] -= velocity;
+            }
+            add(&mut slopes.base.positions, &by.positions, 1.0);
+            *by = zeros(count);
+        }
+        if let Some(touching) = touching {
+            add(&mut by.positions, &touching.by_expected, 1.0);
+        }
+        let (raw, places) = self.predict_again(stage);
         let is_held = |v: usize| self.held.contains(&VertexId(v as u32));
-        if self.projection.project(stage.start, &mut places) {
+        if raw != places {
             for (v, place) in places.iter().enumerate() {
                 let there = base.positions[v] + stage.velocities[v] * gamma;
                 if is_held(v) || *place != there {
@@ -282,14 +465,41 @@ impl SecondOrder {
     }
 }
 
+/// Turns derivatives by the end of a substep, of which a part was safe, into those by the end of its solve,
+/// and returns those by its start. Moves that pushed pairs apart count as decided.
+fn cut(substep: &SubstepTape, by: &mut State) -> State {
+    let mut by_start = zeros(by.positions.len());
+    if let Some(part) = substep.safe {
+        add_states(&mut by_start, by, 1.0 - part);
+        let whole = by.clone();
+        add_states(by, &whole, part - 1.0);
+    }
+    by_start
+}
+
 fn between(system: &System, start: &State, ends: &[DVec3], point: f64) -> Vec<DVec3> {
     let ways = system.handle_positions(start).zip(ends);
     ways.map(|(now, end)| now.lerp(*end, point)).collect()
 }
 
+/// Derivatives of a stage in which things touch.
+struct Touching<'a> {
+    /// Where the cloth was expected `[m]`, `[vertices]`, and derivatives by that.
+    expected: Vec<DVec3>,
+    by_expected: Vec<DVec3>,
+    /// By the estimates of all solves, `[solves, vertices]`.
+    by_estimates: Vec<Vec<DVec3>>,
+    /// By masses, `[vertices]`.
+    by_masses: Vec<f64>,
+    anchors: &'a mut Vec<AnchorSlope>,
+    obstacles: &'a mut [[ObstacleSlope; 2]],
+}
+
 /// The solves of a stage, each from where the last one led.
 struct Solved<'a> {
     gamma: f64,
+    /// Length of the substep `[s]`.
+    dt: f64,
     /// v̄.
     base: &'a [DVec3],
     targets: &'a [DVec3],
@@ -298,17 +508,24 @@ struct Solved<'a> {
 
 impl Solved<'_> {
     /// Turns `by`, derivatives by the end of the last solve, into those by where the first one is
-    /// linearised, and adds those by v̄ to `by_base`. Returns those by the targets of spring handles,
+    /// linearised, and adds those by v̄ to `by_base` and, where things touch, those by the start of the
+    /// substep to `by_start` and `by_velocities`. Returns those by the targets of spring handles,
     /// 0 of exact ones.
     fn pull_back(
         &self,
         system: &mut System,
         by: &mut State,
         by_base: &mut [DVec3],
+        mut touching: Option<&mut Touching<'_>>,
+        [by_start, by_velocities]: [&mut [DVec3]; 2],
         sums: &mut ElementSums,
     ) -> Result<Vec<DVec3>, SolveError> {
         let mut by_targets = vec![DVec3::ZERO; self.targets.len()];
-        for solve in self.solves.iter().rev() {
+        for (number, solve) in self.solves.iter().enumerate().rev() {
+            if let Some(touching) = &mut touching {
+                add(&mut by.positions, &touching.by_estimates[number], 1.0);
+            }
+            system.collisions.clone_from(&solve.collisions);
             let positions = by.positions.iter().zip(&by.velocities);
             let right: Vec<DVec3> = positions.map(|(x, v)| *x * self.gamma + *v).collect();
             system.linearise(self.gamma, self.base, &solve.at, self.targets);
@@ -325,7 +542,30 @@ impl Solved<'_> {
                 by.positions[vertex.index()] -= pull;
                 *by_target += pull;
             }
+            if let Some(touching) = &mut touching {
+                let places = solve.at.positions.iter().zip(&solve.changes);
+                let end: Vec<DVec3> = places.map(|(x, v)| *x + *v * self.gamma).collect();
+                let places = Places {
+                    gamma: self.gamma,
+                    time: self.dt,
+                    expected: &touching.expected,
+                    end: &end,
+                    part: 1.0,
+                };
+                let mut by = PlaceSlopes {
+                    start: by_start,
+                    velocities: by_velocities,
+                    expected: &mut touching.by_expected,
+                    end: &mut by.positions,
+                    estimates: &mut touching.by_estimates,
+                    masses: &mut touching.by_masses,
+                    obstacles: touching.obstacles,
+                };
+                let (all, came_from) = (&solve.collisions, &solve.came_from);
+                all.pull_forces(came_from, places, &multipliers, &mut by, touching.anchors);
+            }
         }
+        system.collisions = Default::default();
         Ok(by_targets)
     }
 }

@@ -85,7 +85,10 @@ impl StretchEnergy {
             }
         }
         // T is the gradient of a function of the stress: the derivative of T:X is that of T along X.
-        let dual = |value, rate| Dual { value, rate };
+        let dual = |value, rate| Dual {
+            value,
+            rates: [rate],
+        };
         let [s0, s1, s2] = [stress[0], stress[1], 0.5 * stress[2]];
         let tension = positive_part(Strain {
             uu: dual(s0, x[0]),
@@ -93,7 +96,7 @@ impl StretchEnergy {
             uv: dual(s2, 0.5 * x[2]),
         });
         // What multiplies W' as the strain changes.
-        let mut by_stress = tension.map(|t| t.rate);
+        let mut by_stress = tension.map(|t| t.rates[0]);
         add(&mut by_stress, l, gamma);
         add(&mut by_strain, constant(by_stress), 1.0);
         for (k, a, weight, [stiffness, slope], [along_l, with_w]) in ramps {

@@ -33,7 +33,7 @@ pub(crate) struct ElementSums {
     pub(crate) air_density: f64,
     pub(crate) air_drag: f64,
     /// By the mass of each vertex, `[vertices]`.
-    mass: Vec<f64>,
+    pub(crate) mass: Vec<f64>,
     /// By the energy of each material, and by its damping.
     energies: Vec<EnergySums>,
     damping: Vec<f64>,

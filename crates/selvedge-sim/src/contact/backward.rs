@@ -1,0 +1,708 @@
+//! Derivatives of what touches: of the forces of a solve, and of the pull that its friction leaves for the
+//! next substep, by the places from which they came.
+//!
+//! Each collision is one function of its corners at the start, where they were expected, where they end, and
+//! the pull of its anchor; evaluated with dual numbers it gives a derivative by each. Which pairs push, the
+//! branches of their laws, what a pair of edges has of the barrier, and where a pair meets that was not near
+//! at the start count as decided.
+
+use glam::{DMat3, DVec3};
+use selvedge_cloth::{FrictionAnchor, Touching};
+use selvedge_contact::number::{Dual, DualVector, Number, Vector};
+use selvedge_contact::{Kind, Pair, Path, at_impact, gap, weights};
+
+use super::Contact;
+use super::barrier::{Barrier, LEAST, Tangent};
+use super::collisions::{Collision, Collisions, Met, PairLaw, RECOVERY, SHEAR, Sticking};
+use super::narrow_phase::{distance, edge_share, round_share};
+use super::real::Real;
+use crate::integrator::Tape;
+
+/// Difference of a direction, or of a slip as a part of it, from which it is not what the start tells.
+const SAME: f64 = 1e-7;
+/// The same of slips `[m]`.
+const ROUNDING: f64 = 1e-13;
+
+/// What a collision of a recorded substep came from.
+#[derive(Clone, Debug)]
+pub(crate) struct CollisionTape {
+    kind: Kind,
+    /// Corners at the start of the substep, and at its end, if they are of an obstacle `[m]`.
+    starts: [DVec3; 4],
+    ends: [DVec3; 4],
+    /// False for corners of obstacles; and the number of the obstacle.
+    is_cloth: [bool; 4],
+    obstacle: Option<usize>,
+    /// Inverse masses of the corners, 0 where prescribed `[1/kg]`.
+    inverse: [f64; 4],
+    /// Radius of a round body `[m]`, and the way of its closest point by the direction of the gap, because it turns.
+    radius: f64,
+    turn: DMat3,
+    /// The way on which the pair meets; none where its direction and weights count as decided.
+    way: Option<Way>,
+    share: Share,
+    at: At,
+    /// The anchor from which it has its pull.
+    anchor: Option<FrictionAnchor>,
+}
+
+/// The way on which a pair meets, or comes no nearer than this `distance` `[m]`.
+#[derive(Clone, Copy, Debug)]
+struct Way {
+    /// Ends of the corners `[m]`: their starts, where the pair is near at once.
+    to: [DVec3; 4],
+    distance: f64,
+    /// Derivatives of those of the cloth by where it starts, by the velocity there and by the estimate
+    /// of an earlier solve, and its number.
+    by: [f64; 3],
+    solve: usize,
+}
+
+/// Where the gap of a collision's linearisation comes from, where a solve has missed it.
+#[derive(Clone, Copy, Debug)]
+enum At {
+    /// It counts as decided.
+    Fixed,
+    /// It is the gap at the start.
+    Start,
+    /// It is half of the distance of the features at the start.
+    Half,
+}
+
+/// Where a collision's part of the barrier comes from.
+#[derive(Clone, Copy, Debug)]
+enum Share {
+    /// It counts as decided.
+    Fixed,
+    /// From two edges, beside which stand these vertices, and where those start `[m]`.
+    Edges([[Option<(usize, DVec3)>; 2]; 2]),
+    /// From a round body.
+    Round,
+}
+
+/// Derivative by the pull of an anchor that a substep left `[1/N]`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct AnchorSlope {
+    of: Touching,
+    normal: DVec3,
+    by: DVec3,
+}
+
+/// A solve over `time` `[s]` with a stage of γ `[s]`, and places of the cloth's vertices `[m]`,
+/// `[vertices]`: where they were expected, and where they end.
+#[derive(Clone, Copy)]
+pub(crate) struct Places<'a> {
+    pub(crate) gamma: f64,
+    pub(crate) time: f64,
+    pub(crate) expected: &'a [DVec3],
+    pub(crate) end: &'a [DVec3],
+    /// The part of the solve that was safe.
+    pub(crate) part: f64,
+}
+
+/// Derivatives by places of the cloth's vertices `[vertices]`, to which those of collisions are added.
+pub(crate) struct PlaceSlopes<'a> {
+    pub(crate) start: &'a mut [DVec3],
+    /// By velocities at the start.
+    pub(crate) velocities: &'a mut [DVec3],
+    pub(crate) expected: &'a mut [DVec3],
+    pub(crate) end: &'a mut [DVec3],
+    /// By the estimates of all solves, `[solves, vertices]`.
+    pub(crate) estimates: &'a mut [Vec<DVec3>],
+    /// By masses `[vertices]`.
+    pub(crate) masses: &'a mut [f64],
+    /// By the places of obstacles at the start and the end, `[obstacles]`.
+    pub(crate) obstacles: &'a mut [[ObstacleSlope; 2]],
+}
+
+/// Derivative by a rigid motion of an obstacle.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ObstacleSlope {
+    /// By a translation `[1/m]`.
+    pub translation: DVec3,
+    /// By a rotation about the origin, along its axis `[1/rad]`. What a round body drags along because it spins
+    /// is left out.
+    pub rotation: DVec3,
+}
+
+impl ObstacleSlope {
+    /// Adds the derivative by a point at `place` `[m]`.
+    fn push(&mut self, place: DVec3, by: DVec3) {
+        self.translation += by;
+        self.rotation += place.cross(by);
+    }
+
+    /// Adds this part of another one.
+    pub(crate) fn add(&mut self, other: Self, part: f64) {
+        self.translation += other.translation * part;
+        self.rotation += other.rotation * part;
+    }
+}
+
+/// What of a collision is differentiated.
+#[derive(Clone, Copy)]
+enum Value {
+    /// γ Σ λ·f over its corners, of these λ.
+    Work([DVec3; 4]),
+    /// The pull of the anchor that it leaves, times this.
+    Pull(DVec3),
+}
+
+/// What a value depends on: vectors, at the places below, and inverse masses of the corners.
+#[derive(Clone, Copy)]
+struct Inputs<N: Number> {
+    vectors: [N::Vector; VECTORS],
+    inverse: [N; 4],
+    has_wing: [[bool; 2]; 2],
+}
+
+/// Corners at the start.
+const STARTS: usize = 0;
+/// Ends of the way on which the pair meets; of obstacles, those of the substep.
+const ENDS: usize = 4;
+/// Vertices beside two edges.
+const WINGS: usize = 8;
+/// Σ w x of the cloth's corners beyond their places, where they were expected and where they end.
+const EXPECTED: usize = 12;
+const END: usize = 13;
+/// Pull of the anchor.
+const ANCHOR: usize = 14;
+const VECTORS: usize = 15;
+/// Vectors by which derivatives are taken at once, and their components.
+const TOGETHER: usize = 4;
+const RATES: usize = 3 * TOGETHER;
+
+impl<N: Number> Inputs<N> {
+    fn four(&self, first: usize) -> [N::Vector; 4] {
+        std::array::from_fn(|k| self.vectors[first + k])
+    }
+
+    fn wings(&self) -> [[Option<N::Vector>; 2]; 2] {
+        let wing = |edge: usize, side: usize| {
+            self.has_wing[edge][side].then_some(self.vectors[WINGS + 2 * edge + side])
+        };
+        [[wing(0, 0), wing(0, 1)], [wing(1, 0), wing(1, 1)]]
+    }
+}
+
+/// Direction, weights and masses of a collision.
+struct Shape<N: Number> {
+    weights: [N; 4],
+    normal: N::Vector,
+    /// Gap at the start `[m]`.
+    gap: N,
+    drift: N::Vector,
+    mean_mass: N,
+    mass: N,
+}
+
+fn lift<N: Number>(one: N, vector: DVec3) -> N::Vector {
+    N::Vector::of(vector.to_array().map(|component| one.same(component)))
+}
+
+/// The part of `vector` across `normal`.
+fn across<N: Number>(normal: N::Vector, vector: N::Vector) -> N::Vector {
+    vector - normal * normal.dot(vector)
+}
+
+impl Contact {
+    /// Keeps what the collisions of the substep under way, which took `left` `[s]`, came from: before the
+    /// anchors of this substep are taken. `point` is that of the substep at which its equations hold.
+    pub(super) fn record_collisions(&self, tape: &mut Tape, left: f64, point: f64) {
+        let Some(substep) = tape.last() else {
+            return;
+        };
+        let velocities = &substep.start.velocities;
+        let (gamma, stages) = (substep.gamma, &mut substep.stages);
+        // Where the solve before ended, and what pushed in it.
+        let mut before: Vec<DVec3> = Vec::new();
+        let mut last: Vec<(Collision, CollisionTape)> = Vec::new();
+        for (number, solve) in stages.iter_mut().flatten().enumerate() {
+            let list = solve.collisions.list.iter();
+            let way = |collision: &Collision| {
+                let to = |end: &dyn Fn(usize) -> DVec3| {
+                    collision.corners.map(|corner| {
+                        let v = corner as usize;
+                        if v < self.mass.len() { end(v) } else { self.end[v] }
+                    })
+                };
+                match collision.met {
+                    Met::Ahead => Way {
+                        to: to(&|v| self.start[v] + velocities[v] * left),
+                        distance: LEAST * collision.thickness,
+                        by: [1.0, left, 0.0],
+                        solve: 0,
+                    },
+                    Met::Solve if !before.is_empty() => Way {
+                        to: to(&|v| before[v]),
+                        distance: self.settings.floor,
+                        by: [1.0 - 1.0 / point, 0.0, 1.0 / point],
+                        solve: number - 1,
+                    },
+                    Met::Start | Met::Solve => Way {
+                        to: to(&|v| self.start[v]),
+                        distance: f64::INFINITY,
+                        by: [0.0; 3],
+                        solve: 0,
+                    },
+                }
+            };
+            solve.came_from = list
+                .map(|collision| {
+                    let same = |(own, _): &&(Collision, CollisionTape)| own.pair == collision.pair;
+                    let known = || last.iter().filter(same);
+                    let goes_on = known().find(|(own, _)| own.normal == collision.normal);
+                    let way = goes_on.map_or_else(|| Some(way(collision)), |(_, tape)| tape.way);
+                    let mut tape = self.collision_tape(collision, way);
+                    let is_half = |(own, _): &(Collision, CollisionTape)| {
+                        let is_start = matches!(own.met, Met::Start);
+                        is_start
+                            && collision.at == Some(0.5 * own.gap)
+                            && own.response.tangent.gap == own.gap
+                    };
+                    tape.at = match collision.at {
+                        Some(at) if at == collision.gap => At::Start,
+                        Some(_) if known().any(is_half) => At::Half,
+                        _ => goes_on.map_or(At::Fixed, |(_, tape)| tape.at),
+                    };
+                    tape
+                })
+                .collect();
+            last = solve
+                .collisions
+                .list
+                .iter()
+                .cloned()
+                .zip(solve.came_from.iter().cloned())
+                .collect();
+            let places = solve.at.positions.iter().zip(&solve.changes).enumerate();
+            let end = |(v, (at, change)): (usize, (&DVec3, &DVec3))| {
+                let start = self.start[v];
+                start + (*at + *change * gamma - start) / point
+            };
+            before = places.map(end).collect();
+        }
+    }
+
+    fn collision_tape(&self, collision: &Collision, way: Option<Way>) -> CollisionTape {
+        let corners = collision.corners.map(|corner| corner as usize);
+        let is_cloth = corners.map(|corner| corner < self.mass.len());
+        let starts = corners.map(|corner| self.start[corner]);
+        let end = |k: usize| if is_cloth[k] { starts[k] } else { self.end[corners[k]] };
+        let (kind, [first, second]) = match collision.pair {
+            Touching::Vertex { vertex, other } => (Kind::VertexFace, [vertex, other]),
+            Touching::Edges { first, second } => (Kind::EdgeEdge, [first, second]),
+        };
+        let pair = Pair {
+            kind,
+            first,
+            second,
+            corners: collision.corners,
+        };
+        let (body, radius) = (self.other_body(&pair), self.mesh.radius_of(&pair));
+        let turn = match body.checked_sub(1) {
+            Some(own) => self.bodies.turns[own] * (-radius * self.bodies.part),
+            None => DMat3::ZERO,
+        };
+        let met = way.map(|way| way.places::<f64>(kind, radius, starts, [starts, way.to]));
+        let way = way.filter(|_| {
+            met.is_some_and(|met| gap(kind, met).normal.distance(collision.normal) < SAME)
+        });
+        let mut anchors = self.memory.anchors.iter();
+        let is_own = |anchor: &&FrictionAnchor| collision.goes_on_from(anchor);
+        CollisionTape {
+            kind,
+            starts,
+            ends: std::array::from_fn(end),
+            is_cloth,
+            obstacle: body.checked_sub(1),
+            inverse: corners.map(|corner| self.inverse[corner]),
+            radius,
+            turn,
+            way,
+            at: At::Fixed,
+            share: self.share_tape(collision, &pair, radius > 0.0, met),
+            anchor: anchors.find(is_own).copied(),
+        }
+    }
+}
+
+impl Contact {
+    /// Where the share of a pair that meets with these corners comes from.
+    fn share_tape(
+        &self,
+        collision: &Collision,
+        pair: &Pair,
+        is_round: bool,
+        met: Option<[DVec3; 4]>,
+    ) -> Share {
+        let PairLaw::Barrier { share } = collision.law else {
+            return Share::Fixed;
+        };
+        let (starts, thickness) = (pair.places(&self.start), collision.thickness);
+        let (from, found) = if is_round {
+            (
+                Share::Round,
+                round_share::<f64>(pair.kind, starts, thickness),
+            )
+        } else if pair.kind == Kind::EdgeEdge {
+            let wings = self
+                .wings(pair)
+                .map(|wings| wings.map(|wing| wing.map(|vertex| (vertex, self.start[vertex]))));
+            let places = wings.map(|wings| wings.map(|wing| wing.map(|(_, place)| place)));
+            let weights = weights::<f64>(pair.kind, met.unwrap_or(starts));
+            let normal = collision.normal;
+            let found = edge_share::<f64>(starts, places, weights, normal, thickness);
+            (Share::Edges(wings), found)
+        } else {
+            return Share::Fixed;
+        };
+        if (found - share).abs() < SAME { from } else { Share::Fixed }
+    }
+}
+
+impl Collisions {
+    /// Adds the derivatives of γ Σ λ·f of a solve, of these `multipliers` λ, `[vertices]`.
+    pub(crate) fn pull_forces(
+        &self,
+        came_from: &[CollisionTape],
+        places: Places<'_>,
+        multipliers: &[DVec3],
+        by: &mut PlaceSlopes<'_>,
+        anchors: &mut Vec<AnchorSlope>,
+    ) {
+        for (collision, tape) in self.list.iter().zip(came_from) {
+            let own = tape.of_cloth(collision, multipliers);
+            if own != [DVec3::ZERO; 4] {
+                let value = Value::Work(own);
+                collision.pull_back(tape, places, value, by, anchors);
+            }
+        }
+    }
+
+    /// Adds the derivatives of the pulls that the collisions of the last solve have left, of which `slopes` are
+    /// known.
+    pub(crate) fn pull_anchors(
+        &self,
+        came_from: &[CollisionTape],
+        places: Places<'_>,
+        slopes: &[AnchorSlope],
+        by: &mut PlaceSlopes<'_>,
+        anchors: &mut Vec<AnchorSlope>,
+    ) {
+        for (collision, tape) in self.list.iter().zip(came_from) {
+            let own = |slope: &&AnchorSlope| {
+                collision.anchored == Some(slope.of) && collision.normal == slope.normal
+            };
+            let sum: DVec3 = slopes.iter().filter(own).map(|slope| slope.by).sum();
+            if sum != DVec3::ZERO {
+                let value = Value::Pull(sum);
+                collision.pull_back(tape, places, value, by, anchors);
+            }
+        }
+    }
+
+    /// Memory of a recording `[bytes]`.
+    pub(crate) fn bytes(&self) -> usize {
+        self.list.len() * (size_of::<Collision>() + size_of::<CollisionTape>())
+    }
+}
+
+impl Way {
+    /// Corners where the pair meets; `starts` are the values of the first of both.
+    fn places<N: Real>(
+        &self,
+        kind: Kind,
+        radius: f64,
+        starts: [DVec3; 4],
+        ways: [[N::Vector; 4]; 2],
+    ) -> [N::Vector; 4] {
+        if self.distance == f64::INFINITY {
+            return ways[0];
+        }
+        let path = Path {
+            from: starts,
+            to: self.to,
+        };
+        at_impact::<N>(kind, &path, ways, self.distance + radius)
+    }
+}
+
+impl CollisionTape {
+    /// Values of the cloth's corners, 0 of others.
+    fn of_cloth(&self, collision: &Collision, values: &[DVec3]) -> [DVec3; 4] {
+        std::array::from_fn(|k| {
+            if self.is_cloth[k] { values[collision.corners[k] as usize] } else { DVec3::ZERO }
+        })
+    }
+}
+
+impl Collision {
+    /// Adds the derivatives of `value`.
+    fn pull_back(
+        &self,
+        tape: &CollisionTape,
+        places: Places<'_>,
+        value: Value,
+        by: &mut PlaceSlopes<'_>,
+        anchors: &mut Vec<AnchorSlope>,
+    ) {
+        let wings = match tape.share {
+            Share::Edges(wings) => wings,
+            Share::Fixed | Share::Round => Default::default(),
+        };
+        let mut vectors = [DVec3::ZERO; VECTORS];
+        vectors[STARTS..ENDS].copy_from_slice(&tape.starts);
+        vectors[ENDS..WINGS].copy_from_slice(&tape.way.map_or(tape.ends, |way| way.to));
+        for (into, wing) in vectors[WINGS..].iter_mut().zip(wings.as_flattened()) {
+            *into = wing.map_or(DVec3::ZERO, |(_, place)| place);
+        }
+        vectors[ANCHOR] = tape.anchor.map_or(DVec3::ZERO, |anchor| anchor.pull);
+        let (by_ends, solve) = tape.way.map_or(([0.0; 3], 0), |way| (way.by, way.solve));
+        let is_wanted = |number: &usize| match *number {
+            ENDS..WINGS => !tape.is_cloth[number - ENDS] || by_ends != [0.0; 3],
+            WINGS..EXPECTED => wings.as_flattened()[number - WINGS].is_some(),
+            ANCHOR => tape.anchor.is_some(),
+            _ => true,
+        };
+        let wanted: Vec<usize> = (0..VECTORS).filter(is_wanted).collect();
+        let inputs = |moved: &[usize]| Inputs {
+            vectors: std::array::from_fn(|number| {
+                let first = moved.iter().position(|own| *own == number).map(|k| 3 * k);
+                let rate = |k: usize| match first {
+                    Some(first) if (first..first + 3).contains(&k) => DVec3::AXES[k - first],
+                    _ => DVec3::ZERO,
+                };
+                DualVector::<RATES>::new(vectors[number], std::array::from_fn(rate))
+            }),
+            inverse: std::array::from_fn(|k| {
+                let mut rates = [0.0; RATES];
+                if moved.is_empty() {
+                    rates[k] = -tape.inverse[k] * tape.inverse[k];
+                }
+                Dual {
+                    value: tape.inverse[k],
+                    rates,
+                }
+            }),
+            has_wing: wings.map(|wings| wings.map(|wing| wing.is_some())),
+        };
+        let mut slopes = [DVec3::ZERO; VECTORS];
+        for moved in wanted.chunks(TOGETHER) {
+            let rates = self.value(tape, places, value, &inputs(moved)).rates;
+            for (number, rates) in moved.iter().zip(rates.as_chunks().0) {
+                slopes[*number] = DVec3::from_array(*rates);
+            }
+        }
+        let by_masses = self.value(tape, places, value, &inputs(&[])).rates;
+        for k in 0..4 {
+            let (start, end) = (slopes[STARTS + k], slopes[ENDS + k]);
+            if !tape.is_cloth[k] {
+                if let Some(obstacle) = tape.obstacle {
+                    by.obstacles[obstacle][0].push(tape.starts[k], start);
+                    by.obstacles[obstacle][1].push(tape.ends[k], end);
+                }
+                continue;
+            }
+            let corner = self.corners[k] as usize;
+            let [by_start, by_velocity, by_estimate] = by_ends;
+            by.start[corner] += start + end * by_start;
+            by.velocities[corner] += end * by_velocity;
+            if by_estimate != 0.0 {
+                by.estimates[solve][corner] += end * by_estimate;
+            }
+            by.masses[corner] += by_masses[k];
+            by.expected[corner] += slopes[EXPECTED] * self.weights[k];
+            by.end[corner] += slopes[END] * self.weights[k];
+        }
+        for (wing, slope) in wings.as_flattened().iter().zip(&slopes[WINGS..]) {
+            let Some((vertex, place)) = wing else {
+                continue;
+            };
+            match (by.start.get_mut(*vertex), tape.obstacle) {
+                (Some(sum), _) => *sum += *slope,
+                (None, Some(obstacle)) => by.obstacles[obstacle][0].push(*place, *slope),
+                (None, None) => {}
+            }
+        }
+        if let Some(anchor) = tape.anchor {
+            anchors.push(AnchorSlope {
+                of: anchor.of,
+                normal: anchor.normal,
+                by: slopes[ANCHOR],
+            });
+        }
+    }
+
+    /// Direction, weights and masses.
+    fn shape<N: Real>(&self, tape: &CollisionTape, inputs: &Inputs<N>, one: N) -> Shape<N> {
+        let (starts, to) = (inputs.four(STARTS), inputs.four(ENDS));
+        let Some(way) = tape.way else {
+            let mut gap = one.same(self.gap);
+            for (k, start) in starts.into_iter().enumerate() {
+                let moved = start - lift(one, tape.starts[k]);
+                gap = gap + moved.dot(lift(one, self.normal)) * self.weights[k];
+            }
+            return Shape {
+                weights: self.weights.map(|weight| one.same(weight)),
+                normal: lift(one, self.normal),
+                gap,
+                drift: lift(one, self.drift),
+                mean_mass: one.same(self.mean_mass),
+                mass: one.same(self.mass),
+            };
+        };
+        let met = way.places::<N>(tape.kind, tape.radius, tape.starts, [starts, to]);
+        let weights = weights::<N>(tape.kind, met);
+        let zero = lift(one, DVec3::ZERO);
+        let (mut between, mut apart, mut drift) = (zero, zero, zero);
+        let (mut squares, mut weighted, mut inverse) =
+            (one.same(0.0), one.same(0.0), one.same(0.0));
+        for (k, weight) in weights.into_iter().enumerate() {
+            between = between + met[k] * weight;
+            apart = apart + starts[k] * weight;
+            drift =
+                drift + (to[k] - starts[k]) * if tape.is_cloth[k] { one.same(0.0) } else { weight };
+            if tape.inverse[k] > 0.0 {
+                let square = weight * weight;
+                squares = squares + square;
+                weighted = weighted + square / inputs.inverse[k];
+                inverse = inverse + square * inputs.inverse[k];
+            }
+        }
+        let normal = between / between.dot(between).sqrt();
+        let [x, y, z] = normal.components();
+        let turned = lift(one, tape.turn.x_axis) * x
+            + lift(one, tape.turn.y_axis) * y
+            + lift(one, tape.turn.z_axis) * z;
+        Shape {
+            weights,
+            normal,
+            gap: apart.dot(normal) - tape.radius,
+            drift: drift + turned,
+            mean_mass: weighted / squares,
+            mass: one.same(1.0) / inverse,
+        }
+    }
+
+    fn value<N: Real>(
+        &self,
+        tape: &CollisionTape,
+        places: Places<'_>,
+        value: Value,
+        inputs: &Inputs<N>,
+    ) -> N {
+        let one = inputs.inverse[0].same(1.0);
+        let starts = inputs.four(STARTS);
+        let shape = self.shape(tape, inputs, one);
+        let normal = shape.normal;
+        // Displacements of the first side against the second since the start.
+        let displacement = |all: &[DVec3], further: N::Vector, part: f64| {
+            let mut sum = shape.drift * one.same(part) + further;
+            for k in (0..4).filter(|k| tape.is_cloth[*k]) {
+                let place = lift(one, all[self.corners[k] as usize]);
+                sum = sum + (place - starts[k]) * shape.weights[k];
+            }
+            sum
+        };
+        let expected = displacement(places.expected, inputs.vectors[EXPECTED], 1.0);
+        let end = displacement(places.end, inputs.vectors[END], places.part);
+        let gap_at = |displacement: N::Vector| shape.gap + normal.dot(displacement);
+        let (gamma, time) = (places.gamma, places.time);
+        let share = match self.law {
+            PairLaw::Barrier { share } => share,
+            PairLaw::Out => return self.value_out(value, end, one),
+        };
+        let thickness = self.thickness;
+        let share = match tape.share {
+            Share::Fixed => one.same(share),
+            Share::Edges(_) => edge_share(starts, inputs.wings(), shape.weights, normal, thickness),
+            Share::Round => round_share(tape.kind, starts, thickness),
+        };
+        let inertia = shape.mass * (1.0 / (time * time));
+        let barrier = Barrier {
+            thickness: self.thickness,
+            base: shape.mean_mass * (1.0 / (time * time)),
+            share,
+            inertia: shape.mass * (1.0 / (gamma * gamma)),
+            pressure: self.pressure,
+            recovery: RECOVERY / time,
+        };
+        let estimate = gap_at(expected);
+        let tangent: Tangent<N> = match self.at {
+            None => barrier.linearise(shape.gap, estimate),
+            Some(gap) => barrier.at(match tape.at {
+                At::Fixed => one.same(gap),
+                At::Start => shape.gap,
+                At::Half => (distance::<N>(tape.kind, starts) - tape.radius) * 0.5,
+            }),
+        };
+        let firm = self.pressure.firm(shape.gap, self.thickness);
+        let grip = match firm {
+            Some(firm) => inertia.greater(firm.stiffness * SHEAR),
+            None => inertia,
+        };
+        let pull = across::<N>(normal, inputs.vectors[ANCHOR]);
+        let slip_at = |displacement: N::Vector| across::<N>(normal, pull / grip + displacement);
+        let zero = one.same(0.0);
+        let slip = slip_at(end);
+        let by = match value {
+            Value::Work(multipliers) => multipliers,
+            Value::Pull(by) => {
+                let most = tangent.force_at(gap_at(end)).at_least(0.0) * self.friction;
+                let pull = grip * slip.dot(slip).sqrt();
+                let kept = if pull.within(most) { one } else { most / pull };
+                return if zero.below(most) { lift(one, by).dot(slip) * grip * kept } else { zero };
+            }
+        };
+        let slides = |at: N::Vector, most: N| {
+            let length = at.dot(at).sqrt();
+            if (grip * length).within(most) {
+                return slip * -grip;
+            }
+            let direction = at / length;
+            let further = slip - at;
+            let turned = further - direction * direction.dot(further);
+            direction * -most - turned * (most / length)
+        };
+        let first = slip_at(expected);
+        let most = barrier.bears(&tangent, shape.gap, estimate) * self.friction;
+        let drag = match self.sticking {
+            Sticking::Unknown | Sticking::Light => slides(first, most),
+            Sticking::Sticks => slip * -grip,
+            Sticking::Slides(at, bound) => {
+                // What an earlier end told counts as decided.
+                let off = lift(one, at) - first;
+                let least = one.same((SAME * at.length() + ROUNDING).powi(2));
+                if off.dot(off).within(least) {
+                    slides(first, most)
+                } else {
+                    slides(lift(one, at), one.same(bound))
+                }
+            }
+        };
+        let force = normal * tangent.force_at(gap_at(end)) + drag;
+        let mut work = zero;
+        for (k, multiplier) in by.into_iter().enumerate() {
+            work = work + lift(one, multiplier).dot(force) * shape.weights[k];
+        }
+        work * gamma
+    }
+
+    /// As [`Self::value`], of a push out of a body, which counts as decided but for where it ends.
+    fn value_out<N: Real>(&self, value: Value, end: N::Vector, one: N) -> N {
+        let Value::Work(multipliers) = value else {
+            return one.same(0.0);
+        };
+        let along = end.dot(lift(one, self.normal));
+        let force = one.same(self.response.tangent.force) - along * self.response.tangent.stiffness;
+        let work = multipliers.iter().zip(self.weights);
+        let work: f64 = work.map(|(by, weight)| by.dot(self.normal) * weight).sum();
+        force * (work * self.response.gamma)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    // see below
+}
