@@ -175,6 +175,7 @@ impl Contact {
         }
         drift += self.turned(pair, body, gap.normal);
         let own = feature(pair, body, self.is_of_core(pair));
+        let (pull, pressed) = self.anchor(own, gap.normal);
         Collision {
             pair: key(pair),
             corners: pair.corners,
@@ -185,7 +186,7 @@ impl Contact {
             law,
             pressure: self
                 .squeeze
-                .push(pair, body, weighted / squares, gap.normal),
+                .push(pair, body, weighted / squares, gap.normal, pressed),
             mean_mass: weighted / squares,
             mass: 1.0 / inverse,
             base,
@@ -194,7 +195,7 @@ impl Contact {
             is_within: false,
             is_of_core: self.is_of_core(pair),
             anchored: Some(own),
-            pull: self.pull(own, gap.normal),
+            pull,
             sticking: Sticking::Unknown,
             at: None,
             response: super::collisions::Response::default(),
@@ -335,13 +336,15 @@ impl Contact {
         }
     }
 
-    /// Pull that the anchor of a feature has left on this side `[N]`.
-    fn pull(&self, of: Touching, normal: DVec3) -> DVec3 {
+    /// Pull that the anchor of a feature has left on this side `[N]`, and up to which compression it bears.
+    fn anchor(&self, of: Touching, normal: DVec3) -> (DVec3, f64) {
         let anchors = &self.memory.anchors;
         let first = anchors.partition_point(|anchor| anchor.of < of);
         let mut own = anchors[first..].iter().take_while(|a| a.of == of);
         own.find(|anchor| anchor.normal.dot(normal) > SAME_SIDE)
-            .map_or(DVec3::ZERO, |anchor| along_surface(normal, anchor.pull))
+            .map_or((DVec3::ZERO, 0.0), |anchor| {
+                (along_surface(normal, anchor.pull), anchor.pressed)
+            })
     }
 
     /// Takes the anchors from what touched in the last solve, at its end, which is this `part` of
@@ -357,7 +360,12 @@ impl Contact {
             let gap = collision.gap + collision.normal.dot(displacement);
             let most = collision.friction * collision.response.tangent.force_at(gap).max(0.0);
             let grip = collision.response.grip;
-            if most <= 0.0 {
+            let time = part * active.system.collisions.time;
+            let (way, thickness) = (displacement.length(), collision.thickness);
+            let pressed = collision
+                .pressure
+                .pressed_after(time, way, gap, thickness);
+            if most <= 0.0 && pressed <= 0.0 {
                 continue;
             }
             let slip = along_surface(collision.normal, collision.pull / grip + displacement);
@@ -365,6 +373,7 @@ impl Contact {
                 of,
                 normal: collision.normal,
                 pull: kept(slip, grip, most) * grip,
+                pressed,
             });
         }
         anchors.sort_by_key(|anchor| anchor.of);

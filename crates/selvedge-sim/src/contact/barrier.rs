@@ -100,12 +100,13 @@ impl Barrier {
         if let (Some(firm), true) = (self.pressure.firm(start, self.thickness), expected >= start) {
             return self.recoil(start, expected, firm);
         }
-        let usual = self.part(self.share, start.max(expected).min(self.thickness));
+        let rest = start.max(expected).min(self.thickness);
+        let usual = self.part(self.share, rest, rest);
         let least = (LEAST * self.thickness).min(start);
         if self.alone(&usual, expected) >= least {
             usual
         } else {
-            self.part(self.share.max(AT_SPEED), least)
+            self.part(self.share.max(AT_SPEED), least, rest)
         }
     }
 
@@ -113,7 +114,7 @@ impl Barrier {
     /// little of the work that pressed it together. Nothing, where it parts faster than the fabric recoils;
     /// but of layers, what is expected without a push does not know of what presses them together.
     fn recoil(&self, start: f64, expected: f64, firm: Tangent) -> Tangent {
-        let elastic = self.part(self.share, start);
+        let elastic = self.part(self.share, start, start);
         let tangent = Tangent {
             stiffness: elastic.stiffness + self.recovery * firm.stiffness,
             ..elastic
@@ -128,19 +129,27 @@ impl Barrier {
         }
     }
 
-    /// This part of the tangent at `gap`.
-    fn part(&self, part: f64, gap: f64) -> Tangent {
+    /// This part of the tangent at `gap`, and of what is pressed slowly that at `rest`.
+    fn part(&self, part: f64, gap: f64, rest: f64) -> Tangent {
         let whole = self.tangent(gap);
-        self.pressed(Tangent {
+        let barrier = Tangent {
             gap: whole.gap,
             force: whole.force * part,
             stiffness: whole.stiffness * part,
-        })
+        };
+        self.pressed(barrier, rest)
     }
 
-    /// This tangent, and that of the pressure at the same gap.
-    fn pressed(&self, tangent: Tangent) -> Tangent {
-        let pressure = self.pressure.tangent(tangent.gap, self.thickness);
+    /// This tangent, and that of the pressure at the same gap; of what is pressed slowly, at the gap `rest`
+    /// and with its friction.
+    fn pressed(&self, tangent: Tangent, rest: f64) -> Tangent {
+        let is_slow = self.pressure.is_slow();
+        let gap = if is_slow { rest } else { tangent.gap };
+        let mut pressure = self.pressure.tangent(gap, self.thickness);
+        if is_slow {
+            pressure.gap = gap;
+            pressure.stiffness *= 1.0 + self.recovery * (super::pressure::env(2) / 0.01);
+        }
         Tangent {
             gap: tangent.gap,
             force: tangent.force + pressure.force_at(tangent.gap),
@@ -149,8 +158,8 @@ impl Barrier {
     }
 
     /// The tangent at `gap`, whatever is expected.
-    pub(super) fn at(&self, gap: f64) -> Tangent {
-        self.pressed(self.tangent(gap.min(self.thickness)))
+    pub(super) fn at(&self, gap: f64, start: f64) -> Tangent {
+        self.pressed(self.tangent(gap.min(self.thickness)), start)
     }
 
     /// The force that a pair on its way from `start` to `expected` is expected to bear `[N]`: what stops it

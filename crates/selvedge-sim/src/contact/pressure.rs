@@ -12,6 +12,20 @@ use super::narrow_phase::ClosePair;
 /// Gap, as a part of that at which the push begins, below which it goes on straight.
 const CRUSHED: f64 = 0.15;
 
+pub(super) fn env(k: usize) -> f64 {
+    static V: std::sync::OnceLock<[f64; 3]> = std::sync::OnceLock::new();
+    V.get_or_init(|| {
+        let get = |n: &str, d: f64| std::env::var(n).map_or(d, |v| v.parse().unwrap());
+        [get("P_RATE", RATE), get("P_SLOW", SLOW), get("P_REC", 0.01)]
+    })[k]
+}
+
+/// Compression per time by which a fabric that lies still comes to bear, as a part of the thickness `[1/s]`.
+const RATE: f64 = 1.0;
+
+/// Speed of two sides from which it bears less `[m/s]`.
+const SLOW: f64 = 0.01;
+
 /// Pressure from which friction holds as firmly as the fabric does `[Pa]`; below, as its inertia asks.
 const FIRM: f64 = 15.0;
 
@@ -42,6 +56,8 @@ pub(super) struct Pressure {
     firm: f64,
     /// True if layers lie on each other there: none of them parts while others press it.
     pub(super) is_layered: bool,
+    /// Compression beyond which the push does not grow, as a part of b; infinite between bodies.
+    pub(super) pressed: f64,
 }
 
 impl Pressure {
@@ -52,6 +68,7 @@ impl Pressure {
         begin: 0.0,
         firm: f64::INFINITY,
         is_layered: false,
+        pressed: f64::INFINITY,
     };
 
     /// That of half the area.
@@ -63,6 +80,31 @@ impl Pressure {
         }
     }
 
+    /// True if it bears what lies still, and not what falls.
+    pub(super) fn is_slow(&self) -> bool {
+        self.pressed.is_finite()
+    }
+
+    /// That of cloth which no bodies squeeze, pressed so far.
+    fn slow(self, pressed: f64) -> Self {
+        Self {
+            firm: f64::INFINITY,
+            pressed,
+            ..self
+        }
+    }
+
+    /// Compression up to which the fabric bears after `time` `[s]` at the end of which a pair of this
+    /// `thickness` has this `gap` `[m]`, having moved by `way` `[m]`. `[eq:contact-pressed]`
+    pub(super) fn pressed_after(&self, time: f64, way: f64, gap: f64, thickness: f64) -> f64 {
+        let now = (1.0 - gap / thickness).max(0.0);
+        if !self.is_slow() {
+            return now;
+        }
+        let slow = (1.0 - way / (env(1) * time)).max(-1.0);
+        now.min(self.pressed + env(0) * time * slow).max(0.0)
+    }
+
     /// The tangent of the force at `gap` `[m]` of a pair of this `thickness` `[m]`.
     pub(super) fn tangent(&self, gap: f64, thickness: f64) -> Tangent {
         let begin = self.begin * thickness;
@@ -72,12 +114,15 @@ impl Pressure {
                 ..Tangent::default()
             };
         }
-        let gap = gap.max(CRUSHED * begin);
+        let gap = gap.max(CRUSHED.max(1.0 - self.pressed) * begin);
         let grown = self.least * exp(self.rise * (1.0 - gap / begin));
+        let force = grown - self.least;
+        // Nothing resists before it is pressed.
+        let firm = if self.is_slow() { force } else { grown };
         Tangent {
             gap,
-            force: grown - self.least,
-            stiffness: grown * self.rise / begin,
+            force,
+            stiffness: firm * self.rise / begin,
         }
     }
 
@@ -129,6 +174,7 @@ impl Squeeze {
             begin: 1.0,
             firm: FIRM * area,
             is_layered: false,
+            pressed: f64::INFINITY,
         });
         Self {
             pressures: pressures.collect(),
@@ -209,7 +255,14 @@ impl Squeeze {
 
     /// The push of a pair of this mean mass `[kg]` and direction under pressure, where the cloth is
     /// squeezed: each vertex bears for its own area. Of two layers each bears on the other, by half.
-    pub(super) fn push(&self, pair: &Pair, body: usize, mean_mass: f64, normal: DVec3) -> Pressure {
+    pub(super) fn push(
+        &self,
+        pair: &Pair,
+        body: usize,
+        mean_mass: f64,
+        normal: DVec3,
+        pressed: f64,
+    ) -> Pressure {
         let is_squeezed = |corner: &u32| self.squeezed.get(*corner as usize) == Some(&true);
         let own = pair.corners[0] as usize;
         if body == 0 {
@@ -217,11 +270,15 @@ impl Squeeze {
             let is_between = || pair.corners[1..].iter().any(is_squeezed) && is_across();
             return match pair.kind {
                 Kind::VertexFace if self.squeezed[own] && is_between() => self.own(own).halved(),
-                _ => Pressure::NONE,
+                Kind::VertexFace => self.pressures[own].slow(pressed).halved(),
+                Kind::EdgeEdge => Pressure::NONE,
             };
         }
         if !pair.corners.iter().any(is_squeezed) {
-            return Pressure::NONE;
+            return match (pair.kind, self.pressures.get(own)) {
+                (Kind::VertexFace, Some(one)) => one.slow(pressed),
+                _ => Pressure::NONE,
+            };
         }
         match pair.kind {
             Kind::VertexFace if own < self.pressures.len() => self.own(own),
@@ -249,6 +306,7 @@ mod tests {
                 begin: 1.0,
                 firm: 1e-2,
                 is_layered: false,
+                pressed: f64::INFINITY,
             },
         );
         let curve = |gap: f64| 2e-4 * ((13.8 * (1.0 - gap / thickness)).exp() - 1.0);

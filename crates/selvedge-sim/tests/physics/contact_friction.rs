@@ -338,3 +338,46 @@ fn a_strip_around_a_cylinder_multiplies_its_pull() {
         assert!(error.abs() < 0.05, "{angle}: {error}");
     }
 }
+
+/// Ten sheets, temporary.
+#[test]
+fn pile_by_curve() {
+    use selvedge_cloth::Compression;
+    let get = |n: &str, d: f64| std::env::var(n).map_or(d, |v| v.parse().unwrap());
+    let (count, turn, substeps) = (get("COUNT", 10.0) as usize, get("TURN", 0.0), get("SUB", 4.0) as u32);
+    let frames = get("FRAMES", 120.0) as usize;
+    let mut scene = lying(5, |p| p * 0.3);
+    if get("BE", 0.0) > 0.0 {
+        scene = first_order(scene);
+    }
+    scene.physics.substeps = substeps;
+    let sheet = shrunk(&scene.mesh, 0.3);
+    scene.mesh = copies(&sheet, count, |copy, p| {
+        let height = 9e-4 * (copy + 1) as f64;
+        DQuat::from_rotation_y(turn * copy as f64) * p + DVec3::Y * height
+    });
+    scene.handles = Handles::new(&[], 25 * count).unwrap();
+    scene.obstacles = vec![ground(0.0)];
+    let mut simulator = Simulator::new(&scene).unwrap();
+    let curve: f64 = (1..=count).map(|k| Compression::default().gap(k as f64 * scene.material.density * GRAVITY)).sum();
+    for frame in 1..=frames {
+        run(&mut simulator, 1);
+        if frame % 10 == 0 || frame < 10 {
+            let top = &simulator.positions_f64()[25 * (count - 1)..];
+            let speed = mean(simulator.velocities_f64().iter().map(|v| v.length()));
+            let stats = simulator.stats();
+            if std::env::var("SHOW").is_ok() && frame % 60 == 0 {
+                let state = simulator.checkpoint();
+                for anchor in &state.contact.unwrap().anchors {
+                    let v = anchor.of.numbers()[1] as usize;
+                    println!("{:?} {:.3} pressed {:.4} pull {:.2e} n {:.2}, v {:.1e}", anchor.of, 1e3 * simulator.positions_f64()[v].y, anchor.pressed, anchor.pull.length(), anchor.normal.y, simulator.velocities_f64()[v].y);
+                }
+            }
+            println!(
+                "{frame}: height {:.4} of {:.4} mm, ratio {:.4}, speed {speed:.2e}, iterations {:?}, solves {} repeated {} resting {}",
+                1e3 * mean(top.iter().map(|p| p.y)), curve, 1e3 * mean(top.iter().map(|p| p.y)) / curve,
+                simulator.solver_iterations(), stats.contact.solves, stats.contact.repeated, stats.contact.resting
+            );
+        }
+    }
+}
