@@ -144,6 +144,7 @@ impl Contact {
         let law = PairLaw::Barrier { share: near.share };
         let collision = self.collision_of(&near.pair, near.body, &near.gap, near.distance, law);
         let gap = near.caught.and_then(|caught| caught.gap);
+        let gap = gap.filter(|_| !collision.pressure.bears_slowly());
         let at = gap.map(|gap| gap.min(near.distance));
         Collision { at, ..collision }
     }

@@ -143,12 +143,12 @@ impl Barrier {
     /// This tangent, and that of the pressure at the same gap; of what is pressed slowly, at the gap `rest`
     /// and with its friction.
     fn pressed(&self, tangent: Tangent, rest: f64) -> Tangent {
-        let is_slow = self.pressure.is_slow();
+        let is_slow = self.pressure.is_slow;
         let gap = if is_slow { rest } else { tangent.gap };
         let mut pressure = self.pressure.tangent(gap, self.thickness);
         if is_slow {
             pressure.gap = gap;
-            pressure.stiffness *= 1.0 + self.recovery * (super::pressure::env(2) / 0.01);
+            pressure.stiffness *= 1.0 + self.recovery;
         }
         Tangent {
             gap: tangent.gap,

@@ -12,13 +12,8 @@ use super::narrow_phase::ClosePair;
 /// Gap, as a part of that at which the push begins, below which it goes on straight.
 const CRUSHED: f64 = 0.15;
 
-pub(super) fn env(k: usize) -> f64 {
-    static V: std::sync::OnceLock<[f64; 3]> = std::sync::OnceLock::new();
-    V.get_or_init(|| {
-        let get = |n: &str, d: f64| std::env::var(n).map_or(d, |v| v.parse().unwrap());
-        [get("P_RATE", RATE), get("P_SLOW", SLOW), get("P_REC", 0.01)]
-    })[k]
-}
+/// Part of the barrier that yields to the fabric which bears.
+const YIELDED: f64 = 0.9;
 
 /// Compression per time by which a fabric that lies still comes to bear, as a part of the thickness `[1/s]`.
 const RATE: f64 = 1.0;
@@ -56,7 +51,9 @@ pub(super) struct Pressure {
     firm: f64,
     /// True if layers lie on each other there: none of them parts while others press it.
     pub(super) is_layered: bool,
-    /// Compression beyond which the push does not grow, as a part of b; infinite between bodies.
+    /// True if it bears slowly what lies still, and not what falls: its push does not grow beyond `pressed`.
+    pub(super) is_slow: bool,
+    /// Compression up to which it bore slowly at the end of the last substep, as a part of b.
     pub(super) pressed: f64,
 }
 
@@ -68,7 +65,8 @@ impl Pressure {
         begin: 0.0,
         firm: f64::INFINITY,
         is_layered: false,
-        pressed: f64::INFINITY,
+        is_slow: false,
+        pressed: 0.0,
     };
 
     /// That of half the area.
@@ -80,45 +78,56 @@ impl Pressure {
         }
     }
 
-    /// True if it bears what lies still, and not what falls.
-    pub(super) fn is_slow(&self) -> bool {
-        self.pressed.is_finite()
-    }
-
-    /// That of cloth which no bodies squeeze, pressed so far.
-    fn slow(self, pressed: f64) -> Self {
+    /// That of cloth which no bodies squeeze.
+    fn slow(self) -> Self {
         Self {
             firm: f64::INFINITY,
-            pressed,
+            is_slow: true,
             ..self
+        }
+    }
+
+    /// True if what lies still has come to bear.
+    pub(super) fn bears_slowly(&self) -> bool {
+        self.is_slow && self.pressed > 0.0
+    }
+
+    /// Part of the barrier's stiffness that is left at a gap of this `part` of the thickness, for the fabric to
+    /// bear what it is pressed by.
+    pub(super) fn leaves(&self, part: f64) -> f64 {
+        if self.bears_slowly() && part < 1.0 {
+            1.0 - YIELDED * (self.pressed / (1.0 - part)).min(1.0)
+        } else {
+            1.0
         }
     }
 
     /// Compression up to which the fabric bears after `time` `[s]` at the end of which a pair of this
     /// `thickness` has this `gap` `[m]`, having moved by `way` `[m]`. `[eq:contact-pressed]`
     pub(super) fn pressed_after(&self, time: f64, way: f64, gap: f64, thickness: f64) -> f64 {
-        let now = (1.0 - gap / thickness).max(0.0);
-        if !self.is_slow() {
-            return now;
+        if self.begin < 1.0 {
+            return 0.0;
         }
-        let slow = (1.0 - way / (env(1) * time)).max(-1.0);
-        now.min(self.pressed + env(0) * time * slow).max(0.0)
+        let now = (1.0 - gap / thickness).max(0.0);
+        let slow = (1.0 - way / (SLOW * time)).max(-1.0);
+        now.min(self.pressed + RATE * time * slow).max(0.0)
     }
 
     /// The tangent of the force at `gap` `[m]` of a pair of this `thickness` `[m]`.
     pub(super) fn tangent(&self, gap: f64, thickness: f64) -> Tangent {
         let begin = self.begin * thickness;
-        if gap >= begin {
+        if gap >= begin || self.is_slow && self.pressed <= 0.0 {
             return Tangent {
                 gap,
                 ..Tangent::default()
             };
         }
-        let gap = gap.max(CRUSHED.max(1.0 - self.pressed) * begin);
+        let most = if self.is_slow { self.pressed } else { 1.0 };
+        let gap = gap.max(CRUSHED.max(1.0 - most) * begin);
         let grown = self.least * exp(self.rise * (1.0 - gap / begin));
         let force = grown - self.least;
         // Nothing resists before it is pressed.
-        let firm = if self.is_slow() { force } else { grown };
+        let firm = if self.is_slow { force } else { grown };
         Tangent {
             gap,
             force,
@@ -174,7 +183,8 @@ impl Squeeze {
             begin: 1.0,
             firm: FIRM * area,
             is_layered: false,
-            pressed: f64::INFINITY,
+            is_slow: false,
+            pressed: 0.0,
         });
         Self {
             pressures: pressures.collect(),
@@ -246,15 +256,17 @@ impl Squeeze {
     }
 
     /// The push of a vertex.
-    fn own(&self, vertex: usize) -> Pressure {
+    fn own(&self, vertex: usize, pressed: f64) -> Pressure {
         Pressure {
+            pressed,
             is_layered: self.layered[vertex],
             ..self.pressures[vertex]
         }
     }
 
-    /// The push of a pair of this mean mass `[kg]` and direction under pressure, where the cloth is
-    /// squeezed: each vertex bears for its own area. Of two layers each bears on the other, by half.
+    /// The push of a pair of this mean mass `[kg]` and direction under pressure, which bore slowly up to the
+    /// compression `pressed`: each vertex bears for its own area. Of two layers each bears on the other, by
+    /// half.
     pub(super) fn push(
         &self,
         pair: &Pair,
@@ -269,19 +281,19 @@ impl Squeeze {
             let is_across = || self.sides[own].dot(normal).abs() > -OPPOSITE;
             let is_between = || pair.corners[1..].iter().any(is_squeezed) && is_across();
             return match pair.kind {
-                Kind::VertexFace if self.squeezed[own] && is_between() => self.own(own).halved(),
-                Kind::VertexFace => self.pressures[own].slow(pressed).halved(),
+                Kind::VertexFace if self.squeezed[own] && is_between() => self.own(own, pressed).halved(),
+                Kind::VertexFace => self.own(own, pressed).slow().halved(),
                 Kind::EdgeEdge => Pressure::NONE,
             };
         }
         if !pair.corners.iter().any(is_squeezed) {
-            return match (pair.kind, self.pressures.get(own)) {
-                (Kind::VertexFace, Some(one)) => one.slow(pressed),
+            return match pair.kind {
+                Kind::VertexFace if own < self.pressures.len() => self.own(own, pressed).slow(),
                 _ => Pressure::NONE,
             };
         }
         match pair.kind {
-            Kind::VertexFace if own < self.pressures.len() => self.own(own),
+            Kind::VertexFace if own < self.pressures.len() => self.own(own, pressed),
             _ => Pressure {
                 least: RIM_PRESSURE * mean_mass / self.density,
                 rise: RIM_RISE,
@@ -306,7 +318,8 @@ mod tests {
                 begin: 1.0,
                 firm: 1e-2,
                 is_layered: false,
-                pressed: f64::INFINITY,
+                is_slow: false,
+                pressed: 0.0,
             },
         );
         let curve = |gap: f64| 2e-4 * ((13.8 * (1.0 - gap / thickness)).exp() - 1.0);
