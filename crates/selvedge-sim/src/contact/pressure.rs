@@ -18,7 +18,7 @@ const YIELDED: f64 = 0.9;
 /// Compression per time by which a fabric that lies still comes to bear, as a part of the thickness `[1/s]`.
 const RATE: f64 = 1.0;
 
-/// Speed of two sides from which it bears less `[m/s]`.
+/// Speed of two sides from which it does not come to bear more `[m/s]`: what falls or slides presses nothing.
 const SLOW: f64 = 0.01;
 
 /// Pressure from which friction holds as firmly as the fabric does `[Pa]`; below, as its inertia asks.
@@ -109,8 +109,8 @@ impl Pressure {
             return 0.0;
         }
         let now = (1.0 - gap / thickness).max(0.0);
-        let slow = (1.0 - way / (SLOW * time)).max(-1.0);
-        now.min(self.pressed + RATE * time * slow).max(0.0)
+        let slow = (1.0 - way / (SLOW * time)).max(0.0);
+        now.min(self.pressed + RATE * time * slow)
     }
 
     /// The tangent of the force at `gap` `[m]` of a pair of this `thickness` `[m]`.
