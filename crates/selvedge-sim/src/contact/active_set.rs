@@ -363,9 +363,7 @@ impl Contact {
             let grip = collision.response.grip;
             let time = part * active.system.collisions.time;
             let (way, thickness) = (displacement.length(), collision.thickness);
-            let pressed = collision
-                .pressure
-                .pressed_after(time, way, gap, thickness);
+            let pressed = collision.pressure.pressed_after(time, way, gap, thickness);
             if most <= 0.0 && pressed <= 0.0 {
                 continue;
             }

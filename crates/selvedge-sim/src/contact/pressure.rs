@@ -281,7 +281,9 @@ impl Squeeze {
             let is_across = || self.sides[own].dot(normal).abs() > -OPPOSITE;
             let is_between = || pair.corners[1..].iter().any(is_squeezed) && is_across();
             return match pair.kind {
-                Kind::VertexFace if self.squeezed[own] && is_between() => self.own(own, pressed).halved(),
+                Kind::VertexFace if self.squeezed[own] && is_between() => {
+                    self.own(own, pressed).halved()
+                }
                 Kind::VertexFace => self.own(own, pressed).slow().halved(),
                 Kind::EdgeEdge => Pressure::NONE,
             };

@@ -152,7 +152,11 @@ impl Fall {
             let now = energy(&simulator);
             rise = rise.max((now - last) / whole);
             if std::env::var("SHOW").is_ok() {
-                println!("{} {now:.6} {:.2e}", simulator.frame(), (now - last) / whole);
+                println!(
+                    "{} {now:.6} {:.2e}",
+                    simulator.frame(),
+                    (now - last) / whole
+                );
             }
             strain = strain.max(largest_strain(&scene, simulator.positions_f64()));
             last = now;
