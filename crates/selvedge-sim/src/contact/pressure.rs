@@ -310,6 +310,50 @@ impl Squeeze {
 mod tests {
     use super::*;
 
+    const LYING: Pressure = Pressure {
+        least: 2e-4,
+        rise: 13.8,
+        begin: 1.0,
+        firm: f64::INFINITY,
+        is_layered: false,
+        is_slow: true,
+        pressed: 0.2,
+    };
+
+    #[test]
+    fn what_lies_still_comes_to_bear_and_what_moves_does_not() {
+        let (time, gap, thickness) = (1.0 / 60.0, 5e-4, 1e-3);
+        let after = |way: f64, gap: f64| LYING.pressed_after(time, way, gap, thickness);
+        assert!((after(0.0, gap) - 0.2 - RATE * time).abs() < 1e-15);
+        assert!((after(0.5 * SLOW * time, gap) - 0.2 - 0.5 * RATE * time).abs() < 1e-15);
+        assert_eq!(after(1e-3, gap), 0.2, "it slides");
+        assert!(
+            (after(0.0, 9e-4) - 0.1).abs() < 1e-15,
+            "it bears no more than there is"
+        );
+        assert_eq!(after(0.0, 2e-3), 0.0);
+        assert_eq!(Pressure::NONE.pressed_after(time, 0.0, gap, thickness), 0.0);
+    }
+
+    #[test]
+    fn what_lies_deep_bears_as_much_as_it_has_come_to() {
+        let thickness = 1e-3;
+        let curve = 2e-4 * ((13.8_f64 * 0.2).exp() - 1.0);
+        for gap in [1e-4, 5e-4, 8e-4] {
+            let at = LYING.tangent(gap, thickness);
+            assert!((at.force / curve - 1.0).abs() < 1e-12, "{gap}");
+        }
+        assert!(LYING.tangent(9e-4, thickness).force < 0.3 * curve);
+        assert!((LYING.leaves(0.8) - 0.1).abs() < 1e-12);
+        assert!((LYING.leaves(0.6) - 0.55).abs() < 1e-12);
+        let falls = Pressure {
+            pressed: 0.0,
+            ..LYING
+        };
+        assert_eq!(falls.tangent(1e-4, thickness).stiffness, 0.0);
+        assert_eq!(falls.leaves(0.3), 1.0);
+    }
+
     #[test]
     fn the_tangent_is_that_of_the_curve() {
         let (thickness, pressure) = (
