@@ -13,7 +13,7 @@ use selvedge_sim::Simulator;
 use crate::sheets::{elastic, grid, isotropic, scene};
 use crate::touching::{
     GRAVITY, OnSlope, copies, downhill, first_order, glide, ground, lying, mean, rest_gap, run,
-    shrunk, smallest_gap,
+    shrunk,
 };
 
 #[test]
@@ -42,10 +42,10 @@ fn a_sheet_at_rest_stands_where_its_curve_carries_it() {
     assert!((force / weight - 1.0).abs() < 5e-3, "{force} {weight}");
 }
 
-/// Sheets of 0.3 m that lie on each other and on the ground, `side`² vertices each, two seconds later; sheet k
-/// is turned by k times `turn` `[rad]`. The height of the top sheet over what the curve of the fabric has at the
-/// load of each layer, at its median vertex, and the least gap of all pairs, as a part of the thickness.
-fn stack(count: usize, side: usize, turn: f64, substeps: u32) -> (f64, f64) {
+/// Sheets of 0.3 m that lie on each other and on the ground, `side`² vertices each; sheet k is turned by k times
+/// `turn` `[rad]`. After two seconds, the height of the top one's median vertex over what the curve of the fabric
+/// has at the load of each layer, and the mean speed `[m/s]`; and the most iterations of a solve.
+fn stack(count: usize, side: usize, turn: f64, substeps: u32) -> (f64, f64, u32) {
     let mut scene = lying(side, |p| p * 0.3);
     scene.physics.substeps = substeps;
     let sheet = shrunk(&scene.mesh, 0.3);
@@ -57,33 +57,42 @@ fn stack(count: usize, side: usize, turn: f64, substeps: u32) -> (f64, f64) {
     scene.handles = Handles::new(&[], each * count).unwrap();
     scene.obstacles = vec![ground(0.0)];
     let mut simulator = Simulator::new(&scene).unwrap();
-    run(&mut simulator, 120);
-    let mut top: Vec<f64> = simulator.positions_f64()[each * (count - 1)..]
-        .iter()
-        .map(|p| p.y)
-        .collect();
-    top.sort_by(f64::total_cmp);
+    let mut most = None;
+    for _ in 0..120 {
+        run(&mut simulator, 1);
+        most = most.max(simulator.solver_iterations());
+    }
+    let top = &simulator.positions_f64()[each * (count - 1)..];
+    let mut heights: Vec<f64> = top.iter().map(|p| p.y).collect();
+    heights.sort_by(f64::total_cmp);
     let load = |above: usize| above as f64 * GRAVITY * scene.material.density;
     let gaps = (1..=count).map(|above| 1e-3 * scene.material.compression.gap(load(above)));
-    let least = smallest_gap(&scene, &simulator);
-    (top[each / 2] / gaps.sum::<f64>(), least / 1e-3)
+    let speeds = simulator.velocities_f64().iter().map(|v| v.length());
+    (
+        heights[each / 2] / gaps.sum::<f64>(),
+        mean(speeds),
+        most.unwrap(),
+    )
 }
 
 #[test]
 fn layers_stand_as_the_curve_has_each_at_its_load() {
-    // Of sheets that are turned corners overhang, and those slide off each other at the edges.
-    let mut all = Vec::new();
-    for (count, side, turn) in [(1, 5, 0.0), (10, 5, 0.0), (10, 9, 0.0), (10, 9, 0.1)] {
-        for substeps in [1, 2, 4, 16] {
-            let (height, least) = stack(count, side, turn, substeps);
+    let (flat, turned) = (
+        (5, 0.0, [1, 2, 4, 16].as_slice()),
+        (9, 0.1, [1, 4].as_slice()),
+    );
+    for (count, (side, turn, substeps)) in [(1, flat), (10, flat), (10, turned)] {
+        for substeps in substeps {
+            let (height, speed, most) = stack(count, side, turn, *substeps);
             println!(
-                "{count} layers, {side} vertices, {turn}, {substeps} substeps: {height:.3} of the curve, least gap {least:.3}"
+                "{count} layers of {side}² vertices, turned by {turn}, {substeps} substeps: {height:.3} of the curve, {speed:.1e} m/s"
             );
-            all.push((count, side, turn, substeps, height, least));
+            assert!((height - 1.0).abs() < 0.05, "{count} {substeps}: {height}");
+            if *substeps >= 4 {
+                // Without the couplings in its factor the preconditioner needs 30.
+                assert!(speed < 1e-4 && most <= 20, "{speed} {most}");
+            }
         }
-    }
-    for (.., height, least) in &all {
-        assert!((height - 1.0).abs() < 0.05 && *least > 0.02, "{all:?}");
     }
 }
 
