@@ -224,7 +224,7 @@ impl Collision {
         let barrier = Barrier {
             thickness: self.thickness,
             base: self.mean_mass / (time * time),
-            share: share * self.pressure.leaves(self.gap / self.thickness),
+            share,
             inertia: self.mass / (gamma * gamma),
             pressure: self.pressure,
             recovery: RECOVERY / time,

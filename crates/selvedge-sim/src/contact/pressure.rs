@@ -12,9 +12,6 @@ use super::narrow_phase::ClosePair;
 /// Gap, as a part of that at which the push begins, below which it goes on straight.
 const CRUSHED: f64 = 0.15;
 
-/// Part of the barrier that yields to the fabric which bears.
-const YIELDED: f64 = 0.9;
-
 /// Compression per time by which a fabric that lies still comes to bear, as a part of the thickness `[1/s]`.
 const RATE: f64 = 1.0;
 
@@ -90,16 +87,6 @@ impl Pressure {
     /// True if what lies still has come to bear.
     pub(super) fn bears_slowly(&self) -> bool {
         self.is_slow && self.pressed > 0.0
-    }
-
-    /// Part of the barrier's stiffness that is left at a gap of this `part` of the thickness, for the fabric to
-    /// bear what it is pressed by.
-    pub(super) fn leaves(&self, part: f64) -> f64 {
-        if self.bears_slowly() && part < 1.0 {
-            1.0 - YIELDED * (self.pressed / (1.0 - part)).min(1.0)
-        } else {
-            1.0
-        }
     }
 
     /// Compression up to which the fabric bears after `time` `[s]` at the end of which a pair of this
@@ -344,14 +331,11 @@ mod tests {
             assert!((at.force / curve - 1.0).abs() < 1e-12, "{gap}");
         }
         assert!(LYING.tangent(9e-4, thickness).force < 0.3 * curve);
-        assert!((LYING.leaves(0.8) - 0.1).abs() < 1e-12);
-        assert!((LYING.leaves(0.6) - 0.55).abs() < 1e-12);
         let falls = Pressure {
             pressed: 0.0,
             ..LYING
         };
         assert_eq!(falls.tangent(1e-4, thickness).stiffness, 0.0);
-        assert_eq!(falls.leaves(0.3), 1.0);
     }
 
     #[test]

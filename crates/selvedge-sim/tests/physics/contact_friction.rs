@@ -23,7 +23,7 @@ fn a_sheet_at_rest_stands_where_its_curve_carries_it() {
     let mut simulator = Simulator::new(&scene).unwrap();
     run(&mut simulator, 60);
     let expected = rest_gap(0.0, 4);
-    assert!((expected / 1e-3 - 0.89).abs() < 0.005);
+    assert!((expected / 1e-3 - 0.9).abs() < 0.005);
     let found = mean(simulator.positions_f64().iter().map(|p| p.y));
     assert!((found / expected - 1.0).abs() < 0.02, "{found} {expected}");
     let energy = simulator.kinetic_energy();
@@ -34,7 +34,7 @@ fn a_sheet_at_rest_stands_where_its_curve_carries_it() {
     let forces = masses.zip(simulator.positions_f64()).map(|(mass, p)| {
         let depth = (1e-3 - p.y).max(0.0);
         assert!(p.y > 5e-4, "{p}");
-        let barrier = 0.2 * mass * 240.0 * 240.0 * depth * depth / 1e-3;
+        let barrier = 2.0 * mass * 240.0 * 240.0 * depth * depth / 1e-3;
         mass / density * curve.pressure(p.y / 1e-3) + barrier
     });
     let weight = GRAVITY * simulator.vertex_mass().iter().sum::<f64>();
@@ -77,10 +77,7 @@ fn stack(count: usize, side: usize, turn: f64, substeps: u32) -> (f64, f64, u32)
 
 #[test]
 fn layers_stand_as_the_curve_has_each_at_its_load() {
-    let (flat, turned) = (
-        (5, 0.0, [1, 2, 4, 16].as_slice()),
-        (9, 0.1, [1, 4].as_slice()),
-    );
+    let (flat, turned) = ((5, 0.0, [1, 2, 4].as_slice()), (9, 0.1, [1, 4].as_slice()));
     for (count, (side, turn, substeps)) in [(1, flat), (10, flat), (10, turned)] {
         for substeps in substeps {
             let (height, speed, most) = stack(count, side, turn, *substeps);

@@ -122,14 +122,14 @@ pub(crate) struct OnSlope {
     pub(crate) substeps: u32,
 }
 
-/// The gap at which a sheet of gray interlock rests on a slope `[m]`: the fabric bears by its curve, with a tenth
-/// of the barrier, 2κ(ĝ - g)²/ĝ with κ = m/dt².
+/// The gap at which a sheet of gray interlock rests on a slope `[m]`: the fabric bears by its curve, with
+/// the barrier, 2κ(ĝ - g)²/ĝ with κ = m/dt².
 pub(crate) fn rest_gap(slope: f64, substeps: u32) -> f64 {
     let dt = 1.0 / (60.0 * f64::from(substeps));
     let fabric = material(GRAY);
     let density = fabric.density;
     let borne = |part: f64| {
-        let barrier = 0.1 * 2.0 * density * 1e-3 * (1.0 - part).powi(2) / (dt * dt);
+        let barrier = 2.0 * density * 1e-3 * (1.0 - part).powi(2) / (dt * dt);
         fabric.compression.pressure(part) + barrier
     };
     let (mut low, mut high) = (0.5, 1.0);
