@@ -114,7 +114,8 @@ pub struct FrictionAnchor {
     pub normal: DVec3,
     /// Force along the surface `[N]`.
     pub pull: DVec3,
-    /// Compression up to which the fabric bears, as a part of the thickness.
+    /// Compression up to which the fabric bears, as a part of the thickness; below 0 while what lies there has not
+    /// lain still for long.
     #[serde(default)]
     pub pressed: f64,
 }

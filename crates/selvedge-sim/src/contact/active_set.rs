@@ -10,6 +10,7 @@ use super::collisions::{Collision, Collisions, PairLaw, Sticking};
 use super::friction::{along_surface, kept};
 use super::memory::{self, feature, key};
 use super::narrow_phase::ClosePair;
+use super::pressure::UNPRESSED;
 use super::{ActiveSet, Contact};
 use crate::active_handles::ActiveHandles;
 use crate::lists::Lists;
@@ -144,7 +145,9 @@ impl Contact {
         let law = PairLaw::Barrier { share: near.share };
         let collision = self.collision_of(&near.pair, near.body, &near.gap, near.distance, law);
         let gap = near.caught.and_then(|caught| caught.gap);
-        let gap = gap.filter(|_| !collision.pressure.bears_slowly());
+        // Where the fabric has lifted the pair, that tangent of the barrier would pull.
+        let pulls = |gap: &f64| near.distance > gap * (1.5 - 0.5 * gap / collision.thickness);
+        let gap = gap.filter(|gap| !(collision.pressure.bears_slowly() && pulls(gap)));
         let at = gap.map(|gap| gap.min(near.distance));
         Collision { at, ..collision }
     }
@@ -343,7 +346,7 @@ impl Contact {
         let first = anchors.partition_point(|anchor| anchor.of < of);
         let mut own = anchors[first..].iter().take_while(|a| a.of == of);
         own.find(|anchor| anchor.normal.dot(normal) > SAME_SIDE)
-            .map_or((DVec3::ZERO, 0.0), |anchor| {
+            .map_or((DVec3::ZERO, UNPRESSED), |anchor| {
                 (along_surface(normal, anchor.pull), anchor.pressed)
             })
     }
@@ -364,7 +367,7 @@ impl Contact {
             let time = part * active.system.collisions.time;
             let (way, thickness) = (displacement.length(), collision.thickness);
             let pressed = collision.pressure.pressed_after(time, way, gap, thickness);
-            if most <= 0.0 && pressed <= 0.0 {
+            if most <= 0.0 && pressed <= UNPRESSED {
                 continue;
             }
             let slip = along_surface(collision.normal, collision.pull / grip + displacement);

@@ -15,6 +15,9 @@ const CRUSHED: f64 = 0.15;
 /// Compression per time by which a fabric that lies still comes to bear, as a part of the thickness `[1/s]`.
 const RATE: f64 = 1.0;
 
+/// The compression of what has not lain still yet: below 0, so that it bears nothing for the first 0.1 s.
+pub(super) const UNPRESSED: f64 = -0.1;
+
 /// Speed of two sides from which it does not come to bear more `[m/s]`: what falls or slides presses nothing.
 const SLOW: f64 = 0.01;
 
@@ -93,10 +96,13 @@ impl Pressure {
     /// `thickness` has this `gap` `[m]`, having moved by `way` `[m]`. `[eq:contact-pressed]`
     pub(super) fn pressed_after(&self, time: f64, way: f64, gap: f64, thickness: f64) -> f64 {
         if self.begin < 1.0 {
-            return 0.0;
+            return UNPRESSED;
         }
         let now = (1.0 - gap / thickness).max(0.0);
         let slow = (1.0 - way / (SLOW * time)).max(0.0);
+        if self.pressed < 0.0 && slow == 0.0 {
+            return UNPRESSED;
+        }
         now.min(self.pressed + RATE * time * slow)
     }
 
@@ -319,7 +325,14 @@ mod tests {
             "it bears no more than there is"
         );
         assert_eq!(after(0.0, 2e-3), 0.0);
-        assert_eq!(Pressure::NONE.pressed_after(time, 0.0, gap, thickness), 0.0);
+        let waits = Pressure {
+            pressed: -0.05,
+            ..LYING
+        };
+        assert!(waits.pressed_after(time, 0.0, gap, thickness) > -0.05);
+        assert_eq!(waits.pressed_after(time, 1e-3, gap, thickness), UNPRESSED);
+        let none = Pressure::NONE.pressed_after(time, 0.0, gap, thickness);
+        assert_eq!(none, UNPRESSED);
     }
 
     #[test]
