@@ -135,9 +135,10 @@ pub(crate) fn rest_gap(slope: f64, substeps: u32) -> f64 {
     let (mut low, mut high) = (0.5, 1.0);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
-        match borne(middle) > density * GRAVITY * slope.cos() {
-            true => low = middle,
-            false => high = middle,
+        if borne(middle) > density * GRAVITY * slope.cos() {
+            low = middle;
+        } else {
+            high = middle;
         }
     }
     1e-3 * low
