@@ -6,14 +6,13 @@ use std::f64::consts::TAU;
 
 use glam::{DVec2, DVec3};
 use selvedge_cloth::{
-    Compression, ContactSettings, HandleTargets, Handles, Mesh, Obstacle, PhysicsSettings, Scene,
-    Squeezed, Stepper, bodies,
+    Compression, ContactSettings, HandleTargets, Mesh, Obstacle, PhysicsSettings, Scene, bodies,
 };
 use selvedge_sim::Simulator;
 
 use crate::scenes::{CAMEL, DENIM, GRAY, NAVY, material, steps, still};
 use crate::sheets::{grid, scene};
-use crate::touching::{GRAVITY, copies, ground, led, lying, none, shrunk};
+use crate::touching::{GRAVITY, led};
 
 /// Width of the cloth `[m]`, which hangs in the plane x = 0 from y = 0.
 const WIDTH: f64 = 0.12;
@@ -213,76 +212,5 @@ fn a_grip_that_is_too_weak_for_the_weight_slips() {
             println!("{substeps}: {part} of the weight, falls by {fallen} m");
             assert_eq!(fallen < 0.01, holds, "{substeps} {part}: {fallen}");
         }
-    }
-}
-
-/// A book of 1 kg that slides along the vertical on four layers of towel on the ground, after two seconds: its height
-/// over what the curve has at the load of each layer, and its speed `[m/s]`.
-fn book(substeps: u32) -> (f64, f64) {
-    let (layers, spacing, mass) = (4, 0.02, 1.0);
-    // Nine by nine vertices of each layer below it, each with its own square.
-    let (width, side, start) = (12.0 * spacing, 9.0 * spacing, 9e-4);
-    let mut scene = lying(13, |p| p * width);
-    let sheet = shrunk(&scene.mesh, width);
-    scene.mesh = copies(&sheet, layers, |copy, p| {
-        p + DVec3::Y * (start * (copy + 1) as f64)
-    });
-    scene.handles = Handles::new(&[], scene.mesh.positions().len()).unwrap();
-    scene.physics.substeps = substeps;
-    scene.contact.as_mut().unwrap().squeezed = Squeezed::Stop;
-    let begin = start * (layers + 1) as f64;
-    let body = bodies::cuboid(DVec3::new(side, 0.03, side));
-    let places = body.points.iter().map(|p| *p + DVec3::Y * (begin + 0.015));
-    let cover = Obstacle::new("book", places.collect(), body.faces).unwrap();
-    scene.obstacles = vec![ground(0.0), cover];
-    let mut simulator = Simulator::new(&scene).unwrap();
-    let dt = 1.0 / 60.0;
-    let (mut height, mut speed) = (begin, 0.0);
-    for _ in 0..120 {
-        let before = simulator.snapshot().unwrap();
-        // By how much it ends above where what it receives has it; none where there is no room.
-        let ends = |simulator: &mut Simulator, to: f64| {
-            simulator.rewind(&before).unwrap();
-            simulator.lead_obstacle(1, DVec3::Y * (to - begin));
-            simulator.step(&none()).ok()?;
-            let next = speed + simulator.obstacle_impulses()[1].y / mass - GRAVITY * dt;
-            Some((to - height - next * dt, next))
-        };
-        // Where it goes if the cloth bears it, and then nearer and nearer to where both agree.
-        let expected = height + speed * dt;
-        let (mut low, mut high) = (expected - 1e-3, expected + 1e-3);
-        let mut to = expected;
-        let mut found = None;
-        for _ in 0..24 {
-            let end = ends(&mut simulator, to);
-            match end {
-                Some((above, _)) if above > 0.0 => high = to,
-                _ => low = to,
-            }
-            found = end.map(|(above, next)| (to, above, next));
-            if found.is_some_and(|(_, above, _)| above.abs() < 2e-8) {
-                break;
-            }
-            to = 0.5 * (low + high);
-        }
-        let (to, _, next) = found.unwrap();
-        (height, speed) = (to, next);
-    }
-    let own = mass / (side * side);
-    let loads = (0..=layers).map(|above| GRAVITY * (own + above as f64 * scene.material.density));
-    let expected: f64 = loads
-        .map(|load| 1e-3 * scene.material.compression.gap(load))
-        .sum();
-    assert_eq!(simulator.intersection_count(), 0);
-    (height / expected, speed)
-}
-
-#[test]
-fn a_book_on_a_towel_sinks_by_the_curve_and_lies_still() {
-    for substeps in [1, 4] {
-        let (height, speed) = book(substeps);
-        println!("{substeps} substeps: {height:.3} of the curve, {speed:.1e} m/s");
-        assert!((height - 1.0).abs() < 0.05, "{substeps}: {height}");
-        assert!(speed.abs() < 1e-3, "{substeps}: {speed}");
     }
 }
