@@ -110,6 +110,7 @@ macro_rules! duals {
             type Output = Self;
 
             #[inline(always)]
+            #[allow(clippy::suspicious_arithmetic_impl, reason = "the rate of a product")]
             fn $method(self, other: Self) -> Self {
                 let ($a, $b) = (self.value, other.value);
                 self.with($a.$method($b), other, |$p, $q| $rate)
@@ -131,6 +132,7 @@ duals!(Add, add, |_a, _b, p, q| p + q, |r, _by| r);
 duals!(Sub, sub, |_a, _b, p, q| p - q, |r, _by| r);
 duals!(Mul, mul, |a, b, p, q| p * b + a * q, |r, by| r * by);
 
+#[allow(clippy::suspicious_arithmetic_impl, reason = "the rate of a quotient")]
 impl<const K: usize> Div for Dual<K> {
     type Output = Self;
 

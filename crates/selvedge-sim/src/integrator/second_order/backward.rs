@@ -123,18 +123,12 @@ impl SecondOrder {
             expected: self.predict_again(&stage).1,
             by_estimates: vec![by_expected.clone(); stage.solves.len()],
             by_expected,
+            by_start: zeros(count),
             by_masses: vec![0.0; count],
             anchors: pulled.anchors,
             obstacles: pulled.obstacles,
         };
-        self.pull_anchors(
-            substep,
-            &stage,
-            point,
-            &mut touching,
-            pulled.state,
-            &mut at_start,
-        );
+        self.pull_anchors(substep, &stage, point, &mut touching, pulled.state);
         add_states(&mut at_start, &cut(substep, pulled.state), 1.0);
         let mut end = pulled.state.clone();
         if substep.before.is_some() {
@@ -154,6 +148,7 @@ impl SecondOrder {
         let slopes = self.pull_stage(system, &stage, estimate, Some(&mut touching), pulled.sums)?;
         let masses = pulled.sums.mass.iter_mut().zip(touching.by_masses);
         masses.for_each(|(sum, by)| *sum += by);
+        add_states(&mut at_start, &touching.by_start, 1.0);
         if substep.before.is_some() {
             add_states(&mut at_start, &slopes.base, 1.0 + formula.weight);
             add_states(&mut at_before, &slopes.base, -formula.weight);
@@ -177,7 +172,6 @@ impl SecondOrder {
         point: f64,
         touching: &mut Touching<'_>,
         by_end: &mut State,
-        at_start: &mut State,
     ) {
         let slopes = std::mem::take(touching.anchors);
         let Some(last) = stage.solves.last().filter(|_| !slopes.is_empty()) else {
@@ -205,8 +199,8 @@ impl SecondOrder {
             part: substep.safe.unwrap_or(1.0),
         };
         let mut by = PlaceSlopes {
-            start: &mut at_start.positions,
-            velocities: &mut at_start.velocities,
+            start: &mut touching.by_start.positions,
+            velocities: &mut touching.by_start.velocities,
             expected: &mut touching.by_expected,
             end: &mut by_end.positions,
             estimates: &mut touching.by_estimates,
@@ -350,10 +344,8 @@ impl SecondOrder {
                 targets: &substep.targets,
                 solves,
             };
-            let by_targets = {
-                let room = [&mut [][..], &mut [][..]];
-                solved.pull_back(system, pulled.state, &mut base, None, room, pulled.sums)?
-            };
+            let by_targets =
+                solved.pull_back(system, pulled.state, &mut base, None, pulled.sums)?;
             add(&mut at_start.velocities, &base, 1.0);
             add(pulled.targets, &by_targets, 1.0);
         }
@@ -406,7 +398,6 @@ impl SecondOrder {
             &mut estimate,
             &mut slopes.base.velocities,
             touching.as_deref_mut(),
-            [&mut slopes.start, &mut slopes.velocities],
             sums,
         )?;
         let by = &mut estimate;
@@ -489,6 +480,8 @@ struct Touching<'a> {
     by_expected: Vec<DVec3>,
     /// By the estimates of all solves, `[solves, vertices]`.
     by_estimates: Vec<Vec<DVec3>>,
+    /// By the state at the start of the substep.
+    by_start: State,
     /// By masses, `[vertices]`.
     by_masses: Vec<f64>,
     anchors: &'a mut Vec<AnchorSlope>,
@@ -508,8 +501,8 @@ struct Solved<'a> {
 
 impl Solved<'_> {
     /// Turns `by`, derivatives by the end of the last solve, into those by where the first one is
-    /// linearised, and adds those by v̄ to `by_base` and, where things touch, those by the start of the
-    /// substep to `by_start` and `by_velocities`. Returns those by the targets of spring handles,
+    /// linearised, and adds those by v̄ to `by_base` and, where things touch, those by what collisions
+    /// came from to `touching`. Returns those by the targets of spring handles,
     /// 0 of exact ones.
     fn pull_back(
         &self,
@@ -517,7 +510,6 @@ impl Solved<'_> {
         by: &mut State,
         by_base: &mut [DVec3],
         mut touching: Option<&mut Touching<'_>>,
-        [by_start, by_velocities]: [&mut [DVec3]; 2],
         sums: &mut ElementSums,
     ) -> Result<Vec<DVec3>, SolveError> {
         let mut by_targets = vec![DVec3::ZERO; self.targets.len()];
@@ -553,8 +545,8 @@ impl Solved<'_> {
                     part: 1.0,
                 };
                 let mut by = PlaceSlopes {
-                    start: by_start,
-                    velocities: by_velocities,
+                    start: &mut touching.by_start.positions,
+                    velocities: &mut touching.by_start.velocities,
                     expected: &mut touching.by_expected,
                     end: &mut by.positions,
                     estimates: &mut touching.by_estimates,
