@@ -7,7 +7,8 @@
 
 use glam::DVec3;
 use selvedge_cloth::{
-    AirLaw, ElasticLaw, Environment, HandleTargets, Integrator, Scene, Snapshot, StepError, Stepper,
+    AirLaw, ElasticLaw, Environment, HandleTargets, Integrator, Rigid, Scene, Snapshot, StepError,
+    Stepper,
 };
 use thiserror::Error;
 
@@ -123,6 +124,8 @@ struct Frame {
     /// Handles that took hold before it, of a vertex where that was.
     caught: Vec<bool>,
     environment: Environment,
+    /// Motions by which the obstacles were led, `[obstacles]`.
+    leads: Vec<Rigid>,
     substeps: Vec<SubstepTape>,
     bytes: usize,
 }
@@ -145,6 +148,7 @@ impl Recording {
 pub(super) struct Begun {
     snapshot: Option<Snapshot>,
     holds: Vec<bool>,
+    leads: Vec<Rigid>,
 }
 
 impl Simulator {
@@ -188,6 +192,7 @@ impl Simulator {
         Some(Begun {
             snapshot: if is_first { self.snapshot() } else { None },
             holds: self.active.holds().to_vec(),
+            leads: self.obstacle_leads(),
         })
     }
 
@@ -202,6 +207,7 @@ impl Simulator {
             targets: targets.clone(),
             caught: before.map(|(before, now)| *now && !before).collect(),
             holds,
+            leads: begun.leads,
             environment: self
                 .scene
                 .environment
@@ -387,6 +393,9 @@ impl Simulator {
         self.rewind(&recording.snapshots[k / segment])?;
         for k in first..=k {
             self.active.system.tape = Some(Box::default());
+            for (number, lead) in recording.frames[k].leads.iter().enumerate() {
+                self.lead_obstacle(number, *lead);
+            }
             self.step(&recording.frames[k].targets.clone())?;
             if let Some(mut tape) = self.active.system.tape.take() {
                 let bytes = tape.bytes();

@@ -68,7 +68,7 @@ impl Case {
         }
     }
 
-    fn targets(&self, frame: usize) -> HandleTargets {
+    pub(crate) fn targets(&self, frame: usize) -> HandleTargets {
         let (samples, released) = &self.targets[frame];
         let handles = self.scene.handles.len();
         let targets = HandleTargets::sampled(samples.clone(), handles).unwrap();

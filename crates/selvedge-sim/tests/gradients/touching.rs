@@ -2,8 +2,8 @@
 
 use glam::{DQuat, DVec3};
 use selvedge_cloth::bodies::{self, Body, Core};
-use selvedge_cloth::{ContactSettings, Integrator, Obstacle};
-use selvedge_sim::{GradientSettings, Simulator};
+use selvedge_cloth::{ContactSettings, Integrator, Obstacle, Stepper};
+use selvedge_sim::{Gradient, GradientSettings, Simulator};
 
 use crate::differences::{Case, vectors};
 use crate::scenes::{CAMEL, DENIM, GRAY, NAVY, material};
@@ -155,6 +155,49 @@ fn frames_with_contact_that_are_computed_again_give_the_same_gradient() {
         segment: 3,
     };
     assert_eq!(case.gradient_by(memory), case.gradient());
+}
+
+/// The ball is led upwards under the sheet, frame by frame, by as much as `lift` says beyond.
+fn led(memory: usize, lift: [f64; 8]) -> (f64, Gradient) {
+    let case = falling(12, 8);
+    let mut simulator = case.simulator();
+    let settings = GradientSettings { memory, segment: 3 };
+    simulator.record_gradient(settings).unwrap();
+    for (frame, lift) in lift.iter().enumerate() {
+        let way = DVec3::Y * (0.002 * (frame + 1) as f64 + lift);
+        simulator.lead_obstacle(0, way);
+        simulator.step(&case.targets(frame)).unwrap();
+    }
+    let along = vectors(1, case.positions.len());
+    let ends = simulator.positions_f64().iter().zip(&along);
+    let value = ends.map(|(x, n)| x.dot(*n)).sum();
+    let made = simulator.backward(&mut |frame, by| {
+        if frame == 8 {
+            let by = by.positions.iter_mut().zip(&along);
+            by.for_each(|(by, n)| *by += *n);
+        }
+    });
+    (value, made.unwrap())
+}
+
+#[test]
+fn a_body_is_led_the_same_way_again_and_has_slopes_of_each_frame() {
+    let (_, kept) = led(1 << 30, [0.0; 8]);
+    assert_eq!(led(1, [0.0; 8]).1, kept);
+    for frame in [2, 5, 7] {
+        let found = kept.obstacles[frame + 1][0].translation.y;
+        let at = |part: f64| {
+            let mut lift = [0.0; 8];
+            lift[frame] = part;
+            led(1 << 30, lift).0
+        };
+        let slope = (at(1e-8) - at(-1e-8)) / 2e-8;
+        assert!(found.abs() > 1e-3, "{found}");
+        assert!(
+            (found / slope - 1.0).abs() < 1e-4,
+            "{frame}: {found} {slope}"
+        );
+    }
 }
 
 #[test]
