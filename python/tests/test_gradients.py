@@ -70,17 +70,15 @@ def test_contact_has_gradients_by_the_body_too():
     text = """
 name = "on a ball"
 mesh.generator = { kind = "square", vertices = 36, size = 0.4, seed = 1 }
-mesh.turn = [90, 0, 0]
+mesh.transform = { rotation = { axis = [0, 0, 1], angle_deg = 90 }, translation = [-0.2, 0.005, 0] }
 handles = { vertices = [] }
 material = "gray-interlock"
 contact = {}
 physics.solver = "cholesky"
-[[obstacles]]
-name = "ball"
-body = { kind = "sphere", radius = 0.15 }
-place = [0.01, %.17g, 0.02]
+obstacles = [
+    { name = "ball", sphere = { radius = 0.15 }, transform = { translation = [0.01, %.17g, 0.02] } },
+]
 """
-    height = -0.16
 
     def run(height):
         scene = selvedge.Scene.parse(text % height)
@@ -90,13 +88,13 @@ place = [0.01, %.17g, 0.02]
             cloth.step()
         return cloth, cloth.state_positions()[:, 0].sum()
 
+    height, step = -0.16, 1e-8
     cloth, _ = run(height)
     by = np.zeros((13, 36, 3))
     by[-1, :, 0] = 1.0
     gradient = cloth.backward(positions=by)
     assert gradient["obstacles"].shape == (13, 1, 2, 3)
     found = gradient["obstacles"][:, 0, 0, 1].sum()
-    step = 1e-8
     slope = (run(height + step)[1] - run(height - step)[1]) / (2 * step)
     assert abs(found) > 1e-3 and abs(found / slope - 1) < 1e-4
 
