@@ -42,6 +42,9 @@ pub(crate) struct CollisionTape {
     way: Option<Way>,
     share: Share,
     at: At,
+    /// Of friction that slides as an earlier solve has shown: the number of that, and where the cloth's corners
+    /// ended `[m]`.
+    slid: Option<(usize, [DVec3; 4])>,
     /// The anchor from which it has its pull.
     anchor: Option<FrictionAnchor>,
 }
@@ -96,6 +99,8 @@ pub(crate) struct Places<'a> {
     pub(crate) time: f64,
     pub(crate) expected: &'a [DVec3],
     pub(crate) end: &'a [DVec3],
+    /// The point of the substep at which its equations hold.
+    pub(crate) point: f64,
     /// The part of the solve that was safe.
     pub(crate) part: f64,
 }
@@ -167,7 +172,9 @@ const EXPECTED: usize = 12;
 const END: usize = 13;
 /// Pull of the anchor.
 const ANCHOR: usize = 14;
-const VECTORS: usize = 15;
+/// Σ w x where an earlier solve has shown that it slides.
+const SLID: usize = 15;
+const VECTORS: usize = 16;
 /// Vectors by which derivatives are taken at once, and their components.
 const TOGETHER: usize = 4;
 const RATES: usize = 3 * TOGETHER;
@@ -260,6 +267,16 @@ impl Contact {
                             && collision.at == Some(0.5 * own.gap)
                             && own.response.tangent.gap == own.gap
                     };
+                    let is_sliding = matches!(collision.sticking, Sticking::Slides(..));
+                    tape.slid = match goes_on {
+                        Some((own, _)) if is_sliding && !own.slides_as(collision) => {
+                            let end = |k: usize| before.get(collision.corners[k] as usize).copied();
+                            let ends = std::array::from_fn(|k| end(k).unwrap_or_default());
+                            Some((number - 1, ends))
+                        }
+                        Some((_, tape)) => tape.slid,
+                        None => None,
+                    };
                     tape.at = match collision.at {
                         Some(at) if at == collision.gap => At::Start,
                         Some(_) if known().any(is_half) => At::Half,
@@ -321,6 +338,7 @@ impl Contact {
             turn,
             way,
             at: At::Fixed,
+            slid: None,
             share: self.share_tape(collision, &pair, radius > 0.0, met),
             anchor: anchors.find(is_own).copied(),
         }
@@ -463,6 +481,7 @@ impl Collision {
             ENDS..WINGS => !tape.is_cloth[number - ENDS] || by_ends != [0.0; 3],
             WINGS..EXPECTED => wings.as_flattened()[number - WINGS].is_some(),
             ANCHOR => tape.anchor.is_some(),
+            SLID => tape.slid.is_some(),
             _ => true,
         };
         let wanted: Vec<usize> = (0..VECTORS).filter(is_wanted).collect();
@@ -514,6 +533,10 @@ impl Collision {
             by.masses[corner] += by_masses[k];
             by.expected[corner] += slopes[EXPECTED] * self.weights[k];
             by.end[corner] += slopes[END] * self.weights[k];
+            if let Some((solve, _)) = tape.slid {
+                by.estimates[solve][corner] += slopes[SLID] * (self.weights[k] / places.point);
+                by.start[corner] += slopes[SLID] * (self.weights[k] * (1.0 - 1.0 / places.point));
+            }
         }
         for (wing, slope) in wings.as_flattened().iter().zip(&slopes[WINGS..]) {
             let Some((vertex, place)) = wing else {
@@ -597,16 +620,16 @@ impl Collision {
         let shape = self.shape(tape, inputs, one);
         let normal = shape.normal;
         // Displacements of the first side against the second since the start.
-        let displacement = |all: &[DVec3], further: N::Vector, part: f64| {
+        let displacement = |all: [DVec3; 4], further: N::Vector, part: f64| {
             let mut sum = shape.drift * one.same(part) + further;
             for k in (0..4).filter(|k| tape.is_cloth[*k]) {
-                let place = lift(one, all[self.corners[k] as usize]);
-                sum = sum + (place - starts[k]) * shape.weights[k];
+                sum = sum + (lift(one, all[k]) - starts[k]) * shape.weights[k];
             }
             sum
         };
-        let expected = displacement(places.expected, inputs.vectors[EXPECTED], 1.0);
-        let end = displacement(places.end, inputs.vectors[END], places.part);
+        let at = |all: &[DVec3]| tape.of_cloth(self, all);
+        let expected = displacement(at(places.expected), inputs.vectors[EXPECTED], 1.0);
+        let end = displacement(at(places.end), inputs.vectors[END], places.part);
         let gap_at = |displacement: N::Vector| shape.gap + normal.dot(displacement);
         let (gamma, time) = (places.gamma, places.time);
         let share = match self.law {
@@ -671,6 +694,12 @@ impl Collision {
             Sticking::Unknown | Sticking::Light => slides(first, most),
             Sticking::Sticks => slip * -grip,
             Sticking::Slides(at, bound) => {
+                let there = tape.slid.map(|(_, places)| {
+                    let there = displacement(places, inputs.vectors[SLID], 1.0);
+                    let most = tangent.force_at(gap_at(there)).at_least(0.0) * self.friction;
+                    (slip_at(there), most)
+                });
+                let (first, most) = there.unwrap_or((first, most));
                 // What an earlier end told counts as decided.
                 let off = lift(one, at) - first;
                 let least = one.same((SAME * at.length() + ROUNDING).powi(2));

@@ -217,6 +217,16 @@ impl Collision {
         self.anchored == Some(anchor.of) && anchor.normal.dot(self.normal) > SAME_SIDE
     }
 
+    /// Returns true if its friction slides as that of this one.
+    pub(super) fn slides_as(&self, other: &Self) -> bool {
+        match (self.sticking, other.sticking) {
+            (Sticking::Slides(at, most), Sticking::Slides(own, bound)) => {
+                at == own && most == bound
+            }
+            _ => false,
+        }
+    }
+
     /// Returns true if it couples vertices that the matrix of the cloth does not.
     fn reaches_beyond(&self) -> bool {
         !self.is_within && self.weights.iter().filter(|w| **w != 0.0).count() > 1

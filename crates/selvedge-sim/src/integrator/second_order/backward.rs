@@ -37,8 +37,9 @@ struct Stage<'a> {
     solves: &'a [SolveTape],
     /// False where the solves did not begin from the prediction, but from the base at rest.
     is_predicted: bool,
-    /// Length of the substep `[s]`.
+    /// Length of the substep `[s]`, and the point of it at which its equations hold, where things touch.
     dt: f64,
+    point: f64,
 }
 
 /// Derivatives by what a stage is made from.
@@ -117,6 +118,7 @@ impl SecondOrder {
             solves: substep.stages.first().map_or(&[], |solves| solves),
             is_predicted: tape.is_near,
             dt: substep.dt,
+            point,
         };
         let by_expected = vec![DVec3::ZERO; count];
         let mut touching = Touching {
@@ -128,7 +130,7 @@ impl SecondOrder {
             anchors: pulled.anchors,
             obstacles: pulled.obstacles,
         };
-        self.pull_anchors(substep, &stage, point, &mut touching, pulled.state);
+        self.pull_anchors(substep, &stage, &mut touching, pulled.state);
         add_states(&mut at_start, &cut(substep, pulled.state), 1.0);
         let mut end = pulled.state.clone();
         if substep.before.is_some() {
@@ -169,11 +171,10 @@ impl SecondOrder {
         &self,
         substep: &SubstepTape,
         stage: &Stage<'_>,
-        point: f64,
         touching: &mut Touching<'_>,
         by_end: &mut State,
     ) {
-        let slopes = std::mem::take(touching.anchors);
+        let (slopes, point) = (std::mem::take(touching.anchors), stage.point);
         let Some(last) = stage.solves.last().filter(|_| !slopes.is_empty()) else {
             return;
         };
@@ -196,6 +197,7 @@ impl SecondOrder {
             time: stage.dt,
             expected: &touching.expected,
             end: &end,
+            point,
             part: substep.safe.unwrap_or(1.0),
         };
         let mut by = PlaceSlopes {
@@ -244,6 +246,7 @@ impl SecondOrder {
             solves: &substep.stages[0],
             is_predicted: true,
             dt: substep.dt,
+            point: 1.0,
         };
         let slopes = self.pull_stage(system, &stage, estimate, None, pulled.sums)?;
         add_states(&mut at_start, &slopes.base, 1.0 + formula.weight);
@@ -296,6 +299,7 @@ impl SecondOrder {
             solves: &substep.stages[1],
             is_predicted: true,
             dt: substep.dt,
+            point: 1.0,
         };
         let mut slopes = self.pull_stage(system, &second, end, None, pulled.sums)?;
         add_states(&mut slopes.base, pulled.before, rate);
@@ -315,6 +319,7 @@ impl SecondOrder {
             solves: &substep.stages[0],
             is_predicted: true,
             dt: substep.dt,
+            point: 1.0,
         };
         let slopes = self.pull_stage(system, &stage, estimate, None, pulled.sums)?;
         add_states(&mut at_start, &slopes.base, 1.0);
@@ -340,6 +345,7 @@ impl SecondOrder {
             let solved = Solved {
                 gamma: substep.dt,
                 dt: substep.dt,
+                point: 1.0,
                 base: &substep.start.velocities,
                 targets: &substep.targets,
                 solves,
@@ -389,6 +395,7 @@ impl SecondOrder {
         let solved = Solved {
             gamma,
             dt: stage.dt,
+            point: stage.point,
             base: &base.velocities,
             targets: stage.targets,
             solves: stage.solves,
@@ -491,8 +498,9 @@ struct Touching<'a> {
 /// The solves of a stage, each from where the last one led.
 struct Solved<'a> {
     gamma: f64,
-    /// Length of the substep `[s]`.
+    /// Length of the substep `[s]`, and the point of it at which its equations hold.
     dt: f64,
+    point: f64,
     /// v̄.
     base: &'a [DVec3],
     targets: &'a [DVec3],
@@ -542,6 +550,7 @@ impl Solved<'_> {
                     time: self.dt,
                     expected: &touching.expected,
                     end: &end,
+                    point: self.point,
                     part: 1.0,
                 };
                 let mut by = PlaceSlopes {
