@@ -321,7 +321,8 @@ class Simulator(Stepper):
         bytes. `restore` and `reset` end the recording. Beyond `memory` bytes the oldest frames are
         computed again.
 
-        Raises `SelvedgeError` for a law that has no energy, and for contact with the formula `linearised`."""
+        Raises `SelvedgeError` for a law that has no energy, and for contact with the formula `linearised`.
+        """
     def backward(
         self, positions: ArrayLike | None = None, velocities: ArrayLike | None = None
     ) -> dict[str, Any]:
