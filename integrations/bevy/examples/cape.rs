@@ -22,7 +22,7 @@ pub(crate) struct Character;
 
 /// A bone, by its number in the scene.
 #[derive(Component)]
-pub(crate) struct Bone(usize);
+pub(crate) struct Bone(pub(crate) usize);
 
 /// Joints at which torso, thighs and shins turn against the character.
 const JOINTS: [[f32; 3]; 5] = [
