@@ -2,9 +2,8 @@
 //! next substep, by the places from which they came.
 //!
 //! Each collision is one function of its corners at the start, where they were expected, where they end, and
-//! the pull of its anchor; evaluated with dual numbers it gives a derivative by each. Which pairs push, the
-//! branches of their laws, what a pair of edges has of the barrier, and where a pair meets that was not near
-//! at the start count as decided.
+//! the pull of its anchor; evaluated with dual numbers it gives a derivative by each. Which pairs push and the
+//! branches of their laws count as decided, and so does the gap that a pair missed in the last substep needed.
 
 use glam::{DMat3, DVec3};
 use selvedge_cloth::{FrictionAnchor, Touching};
@@ -343,9 +342,7 @@ impl Contact {
             anchor: anchors.find(is_own).copied(),
         }
     }
-}
 
-impl Contact {
     /// Where the share of a pair that meets with these corners comes from.
     fn share_tape(
         &self,
