@@ -126,11 +126,8 @@ pub(crate) fn pairs(numbers: &Numbers<'_>, what: &str) -> PyResult<Vec<DVec2>> {
     }
 }
 
-/// The numbers three by three, whatever the shape before the last axis.
+/// The numbers three by three, whatever the shape before the last axis and their order in memory.
 pub(crate) fn triples(numbers: &Numbers<'_>) -> Vec<DVec3> {
-    if let Ok(flat) = numbers.as_slice() {
-        return flat.chunks_exact(3).map(DVec3::from_slice).collect();
-    }
     let flat: Vec<f64> = numbers.as_array().iter().copied().collect();
     flat.chunks_exact(3).map(DVec3::from_slice).collect()
 }

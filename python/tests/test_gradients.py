@@ -66,6 +66,16 @@ def test_what_has_no_gradient_says_why(swung):
         cloth.backward(positions=np.zeros((3, 36, 3)))
 
 
+def test_the_order_of_an_array_in_memory_does_not_matter(swung):
+    cloth, _ = run(swung, start_of(swung))
+    by = np.random.default_rng(2).standard_normal((7, 36, 3))
+    found, turned = cloth.backward(positions=by), cloth.backward(positions=np.asfortranarray(by))
+    assert np.array_equal(found["positions"], turned["positions"])
+    start = start_of(swung)
+    other, _ = run(swung, np.asfortranarray(start))
+    assert np.array_equal(other.state_positions(), cloth.state_positions())
+
+
 def test_contact_has_gradients_by_the_body_too():
     text = """
 name = "on a ball"
