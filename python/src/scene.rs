@@ -22,6 +22,9 @@ use crate::json;
 use crate::long::{Progress, beside_reporting};
 use crate::pickling::{self, Call};
 
+/// Targets of a frame that one call gives, at most.
+const MOST_SAMPLES: usize = 1 << 16;
+
 /// A mesh of triangles with its material coordinates, before anything moves it.
 ///
 /// `Mesh(positions, faces, material=None)` takes positions (n, 3) [m], faces (f, 3), and material
@@ -465,6 +468,11 @@ impl Scene {
         frame: usize,
         samples: usize,
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        if samples > MOST_SAMPLES {
+            return Err(wrong(format!(
+                "samples must be at most {MOST_SAMPLES}, found {samples}"
+            )));
+        }
         let path = self.loaded.scene.handle_path().map_err(raised)?;
         arrays::targets(py, &path, (frame, samples), self.loaded.scene.frame_rate)
     }

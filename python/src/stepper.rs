@@ -347,6 +347,9 @@ impl Stepper {
     fn teleport(&self, py: Python<'_>, matrix: Numbers<'_>, bodies: Vec<usize>) -> PyResult<()> {
         let to = rigid_of(&matrix)?;
         let mut core = self.free()?;
+        for body in &bodies {
+            check_body(core.kind.run()?, *body)?;
+        }
         let moved = core.kind.mover_mut().teleport(to, &bodies);
         moved.map_err(|error| step_failed(py, error))?;
         self.show(py, &core)
@@ -356,7 +359,10 @@ impl Stepper {
     /// rigid motion of a matrix (4, 4); it stays there until it is led on. Only the solver has them.
     fn lead_body(&self, body: usize, matrix: Numbers<'_>) -> PyResult<()> {
         let away = rigid_of(&matrix)?;
-        self.free()?.kind.run()?.lead_obstacle(body, away);
+        let mut core = self.free()?;
+        let run = core.kind.run()?;
+        check_body(run, body)?;
+        run.lead_obstacle(body, away);
         Ok(())
     }
 
@@ -501,4 +507,17 @@ impl RigidStepper {
         let stepper = Stepper::of_run(made, run.map_err(raised)?)?;
         Ok(PyClassInitializer::from(stepper).add_subclass(Self))
     }
+}
+
+/// Refuses a body that the solver of a run does not have.
+pub(crate) fn check_body(run: &Run, body: usize) -> PyResult<()> {
+    let count = run
+        .solver()
+        .map_or(0, |solver| solver.obstacle_offsets().len());
+    if body < count {
+        return Ok(());
+    }
+    Err(wrong(format!(
+        "there is no body {body}: the solver has {count}, numbered from 0"
+    )))
 }

@@ -13,7 +13,7 @@ use crate::errors::{raised, step_failed, wrong};
 use crate::long::{Progress, beside_reporting};
 use crate::scene::Scene;
 use crate::simulator::begin;
-use crate::stepper::{Snapshot, impulses_of, rigid_of};
+use crate::stepper::{Snapshot, check_body, impulses_of, rigid_of};
 
 /// Worlds of the physics, one for each of `scenes`, that move side by side on the processor's threads;
 /// their cloths have the same number of vertices and of handles, and their scenes of bodies.
@@ -179,6 +179,7 @@ impl Worlds {
     ) -> PyResult<()> {
         let away = rigid_of(&matrix)?;
         self.with(py, world, |run| {
+            check_body(run, body)?;
             run.lead_obstacle(body, away);
             Ok(())
         })

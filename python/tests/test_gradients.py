@@ -76,6 +76,16 @@ def test_the_order_of_an_array_in_memory_does_not_matter(swung):
     assert np.array_equal(other.state_positions(), cloth.state_positions())
 
 
+def test_bodies_and_samples_that_cannot_be_are_refused(swung):
+    cloth = selvedge.Simulator(swung, start_of(swung))
+    with pytest.raises(ValueError, match="there is no body 9"):
+        cloth.lead_body(9, np.eye(4))
+    with pytest.raises(ValueError, match="there is no body 9"):
+        cloth.teleport(np.eye(4), [9])
+    with pytest.raises(ValueError, match="at most 65536"):
+        swung.targets(0, 2**26)
+
+
 def test_contact_has_gradients_by_the_body_too():
     text = """
 name = "on a ball"
