@@ -11,6 +11,7 @@ mod active_set;
 mod backward;
 mod barrier;
 mod broad_phase;
+mod came_from;
 mod ccd;
 mod collisions;
 mod distance_cache;
@@ -35,7 +36,8 @@ use selvedge_contact::{Candidates, CollisionMesh, Gap, Intersection, Pair, Swept
 use crate::active_handles::ActiveHandles;
 use crate::state::State;
 pub use backward::ObstacleSlope;
-pub(crate) use backward::{AnchorSlope, CollisionTape, PlaceSlopes, Places};
+pub(crate) use backward::{AnchorSlope, PlaceSlopes, Places};
+pub(crate) use came_from::CollisionTape;
 pub(crate) use collisions::{Collisions, to_single};
 use distance_cache::{PairCache, PathLengths};
 pub use gauge::{ContactGauge, FrameContact};
