@@ -1,5 +1,5 @@
 """Writes the preset of the data set for `any`: cloths of 100 to 1600 vertices per square metre, of
-mixtures of the four fabrics, in wind of up to 10 m/s with gusts, on 1 to 17 handles that move
+mixtures of the shipped fabrics, in wind of up to 10 m/s with gusts, on 1 to 17 handles that move
 together or apart, are let go and take hold again.
 
     python3 assets/datasets/any.py out/any
@@ -22,6 +22,16 @@ MATERIALS = pathlib.Path(__file__).parent.parent / "materials"
 PHYSICS = "{ substeps = 8, solver = { conjugate-gradients = { tolerance = 1e-7 } } }"
 #: Vertices of a cloth: a sample costs as much as it has.
 FEWEST, MOST = 90, 900
+
+
+def tables(file):
+    """A material's file with the numbers of the one that it is `from`, its multipliers multiplied out."""
+    own = tomllib.loads(file.read_text())
+    known = tables(MATERIALS / f"{own.pop('from')}.toml") | own if "from" in own else own
+    for key in ("stretch", "bend"):
+        factor = known.pop(f"{key}_multiplier", 1.0)
+        known[key] = [[factor * value for value in row] for row in known[key]]
+    return known
 
 
 def fabric(draw, known):
@@ -140,7 +150,7 @@ def own_ways(draw, places):
 def main(folder, cloths):
     folder.mkdir(parents=True, exist_ok=True)
     files = sorted(MATERIALS.glob("*.toml"))
-    known = {file.stem: tomllib.loads(file.read_text()) for file in files}
+    known = {file.stem: tables(file) for file in files}
     draw = random.Random(20261128)
     text = 'name = "any"\nsections = "whole"\ntrain = []\ntest = "all-test"\n\n[setting]\nmaterial = "gray-interlock"\n'
     text += 'mesh = { generator = { kind = "square", vertices = 400, size = 1.0, seed = 1 } }\n'
