@@ -55,6 +55,13 @@ impl Rollout {
         json::to_python(py, &self.summary)
     }
 
+    /// The reason not to trust the motion, in words: more than 3 % of its frames were beyond the guard's
+    /// bounds; `None` otherwise.
+    #[getter]
+    fn doubt(&self) -> Option<String> {
+        self.summary.doubt_in_words()
+    }
+
     /// Parts of the scene that the model was not trained on, in words; `None` where its file does
     /// not say.
     #[getter]

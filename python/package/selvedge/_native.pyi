@@ -506,6 +506,10 @@ class Rollout:
     def summary(self) -> dict[str, Any]:
         """The guard's words summed up."""
     @property
+    def doubt(self) -> str | None:
+        """The reason not to trust the motion, in words: more than 3 % of its frames were beyond the guard's
+        bounds; `None` otherwise."""
+    @property
     def beyond(self) -> list[str] | None:
         """Parts of the scene that the model was not trained on, in words; `None` where its file does
         not say."""
