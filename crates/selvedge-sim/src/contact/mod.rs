@@ -36,7 +36,7 @@ use selvedge_contact::{Candidates, CollisionMesh, Gap, Intersection, Pair, Swept
 use crate::active_handles::ActiveHandles;
 use crate::state::State;
 pub use backward::ObstacleSlope;
-pub(crate) use backward::{AnchorSlope, PlaceSlopes, Places};
+pub(crate) use backward::{AnchorSlope, PlaceSlopes, Places, ShapeSlopes};
 pub(crate) use came_from::CollisionTape;
 pub(crate) use collisions::{Collisions, to_single};
 use distance_cache::{PairCache, PathLengths};
