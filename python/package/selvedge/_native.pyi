@@ -316,7 +316,7 @@ class Simulator(Stepper):
         """Positions of the state [m], (n, 3), a float64 copy."""
     def state_velocities(self) -> NDArray[np.float64]:
         """Velocities of the state [m/s], (n, 3), a float64 copy."""
-    def record_gradient(self, memory: int = 134217728) -> None:
+    def record_gradient(self, memory: int = 100663296) -> None:
         """Records the steps from here on, so that `backward` can differentiate them; they keep their
         bytes. `restore` and `reset` end the recording. Beyond `memory` bytes the oldest frames are
         computed again.

@@ -236,9 +236,19 @@ impl Collisions {
         }
     }
 
-    /// Memory of a recording `[bytes]`.
-    pub(crate) fn bytes(&self) -> usize {
-        self.list.len() * size_of::<Collision>()
+    /// Memory of a recording, with what the collisions came from `[bytes]`.
+    pub(crate) fn bytes(&self, came_from: &[CollisionTape]) -> usize {
+        let boxed = came_from.iter().map(|tape| {
+            let shape = match tape.shape {
+                ShapeOrigin::Own(_) => size_of::<ShapeTape>(),
+                ShapeOrigin::Earlier(_) => 0,
+            };
+            shape + tape.slid.as_deref().map_or(0, size_of_val)
+        });
+        boxed.sum::<usize>()
+            + size_of_val(came_from)
+            + size_of_val(&self.list[..])
+            + size_of_val(&self.expected[..])
     }
 }
 

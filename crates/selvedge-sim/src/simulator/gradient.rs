@@ -32,7 +32,7 @@ pub struct GradientSettings {
 impl Default for GradientSettings {
     fn default() -> Self {
         Self {
-            memory: 128 << 20,
+            memory: 96 << 20,
             segment: 16,
         }
     }
