@@ -4,10 +4,10 @@ use glam::DVec3;
 use numpy::{IntoPyArray, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
-use selvedge::{Gradient, GradientSettings, Run};
+use selvedge::{Gradient, GradientError, GradientSettings, Run};
 use selvedge_sim::{Checkpoint, Simulator as Physics};
 
-use crate::arrays::{self, Numbers};
+use crate::arrays::{self, Numbers, natural};
 use crate::errors::{SelvedgeError, raised, wrong};
 use crate::long::{Progress, beside_reporting};
 use crate::pickling::{self, Call};
@@ -70,7 +70,10 @@ impl Simulator {
     ///
     /// Raises `SelvedgeError` for a law that has no energy, and for contact with the formula `linearised`.
     #[pyo3(signature = (memory=GradientSettings::default().memory))]
-    fn record_gradient(slf: &Bound<'_, Self>, memory: usize) -> PyResult<()> {
+    fn record_gradient(
+        slf: &Bound<'_, Self>,
+        #[pyo3(from_py_with = natural)] memory: usize,
+    ) -> PyResult<()> {
         let settings = GradientSettings {
             memory,
             ..GradientSettings::default()
@@ -133,11 +136,11 @@ impl Simulator {
                 add(frame, &mut by.velocities, &seeds[1]);
             })
         });
-        gradient_dict(
-            py,
-            made.map_err(raised)?,
-            slf.as_super().get().handles.len(),
-        )
+        let made = made.map_err(|error| match error {
+            GradientError::NotFinite { .. } => wrong(error.to_string()),
+            _ => raised(error),
+        });
+        gradient_dict(py, made?, slf.as_super().get().handles.len())
     }
 
     /// Kinetic energy [J].

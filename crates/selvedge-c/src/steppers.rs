@@ -126,8 +126,8 @@ pub extern "C" fn selvedge_step_along(stepper: SelvedgeStepper) -> SelvedgeStatu
 }
 
 /// Leads the body of this number in the scene, from 0, in the next frame away from its own path, by
-/// the rigid motion of the 4×4 matrix, by columns. It stays there until it is led on. Without a
-/// solver, or such a body, nothing is led.
+/// the rigid motion of the 4×4 matrix, by columns. It stays there until it is led on. The number of no
+/// body is `SELVEDGE_ARGUMENT`, and so is every number without a solver.
 ///
 /// # Safety
 /// `matrix` has 16 numbers.
@@ -142,8 +142,8 @@ pub unsafe extern "C" fn selvedge_stepper_lead_body(
         // SAFETY: as for this function.
         let columns = unsafe { values(matrix, 16, "matrix") }?;
         let away = Rigid::try_from(&columns[..]).map_err(Fault::targets)?;
-        lock(&kept.cloth)?.lead_obstacle(body, away);
-        Ok(())
+        let mut cloth = lock(&kept.cloth)?;
+        cloth.lead_obstacle(body, away).map_err(Fault::step)
     })
 }
 

@@ -73,8 +73,8 @@ pub trait Stepper {
     /// next targets begin from there.
     ///
     /// # Errors
-    /// [`StepError`], with the frame now, where the cloth would meet an obstacle, or of a stepper that
-    /// cannot be set elsewhere; the cloth is left as it was.
+    /// [`StepError`], with the frame now, where the cloth would meet an obstacle, for the number of no
+    /// obstacle, or of a stepper that cannot be set elsewhere; the cloth is left as it was.
     fn teleport(&mut self, to: Rigid, along: &[usize]) -> Result<(), StepError> {
         let _ = (to, along);
         let what = "only the solver can teleport a cloth, and not a network or a recording";
@@ -257,9 +257,17 @@ pub enum StepError {
     #[error("frame {frame}: the recording has only {frames} frames")]
     EndOfRecording { frame: usize, frames: usize },
     #[error(
-        "frame {frame}: there is no going back to this snapshot: it is of another kind of stepper, or of another cloth; take one of this stepper"
+        "frame {frame}: there is no going back to this snapshot: it is of another kind of stepper, or of another scene; take one of this stepper"
     )]
     Snapshot { frame: usize },
+    #[error(
+        "frame {frame}: there is no obstacle {number}: {count} can be led, numbered from 0 in the order of the scene; only the solver leads any, of a scene with contact"
+    )]
+    Obstacle {
+        frame: usize,
+        number: usize,
+        count: usize,
+    },
 }
 
 /// Obstacles that push, as a part of a message.
@@ -296,6 +304,7 @@ impl StepError {
             | Self::Device { frame, .. }
             | Self::Stopped { frame }
             | Self::Snapshot { frame }
+            | Self::Obstacle { frame, .. }
             | Self::EndOfRecording { frame, .. } => frame,
         }
     }

@@ -460,6 +460,7 @@ fn is_callers(error: &StepError) -> bool {
         | StepError::EndOfRecording { .. }
         | StepError::Device { .. }
         | StepError::Snapshot { .. }
+        | StepError::Obstacle { .. }
         | StepError::Stopped { .. } => true,
         StepError::NonFinite { .. }
         | StepError::Solve { .. }

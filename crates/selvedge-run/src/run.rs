@@ -391,6 +391,7 @@ impl Run {
     #[must_use]
     pub fn snapshot(&self) -> Option<Snapshot> {
         Some(Snapshot::of(State {
+            scene: self.scene.clone(),
             mover: self.mover.stepper().snapshot()?,
             path: self.path.clone(),
             before: self.before.clone(),
@@ -404,7 +405,10 @@ impl Run {
     /// # Errors
     /// [`StepError::Snapshot`] for one of another scene or mover; the run is as it was.
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), StepError> {
-        let state: &State = snapshot.get(self.frame(), |_| true)?;
+        let state: &State = snapshot.get(self.frame(), |state: &State| {
+            let (own, other) = (self.scene.built(), state.scene.built());
+            std::ptr::eq(own, other) || own == other
+        })?;
         self.mover.stepper_mut().rewind(&state.mover)?;
         self.path.clone_from(&state.path);
         self.before.clone_from(&state.before);
@@ -427,7 +431,8 @@ impl Run {
     /// handles by [`Self::step_to`].
     ///
     /// # Errors
-    /// Where the cloth would meet an obstacle, or a network moves it; the cloth is as it was.
+    /// Where the cloth would meet an obstacle, for the number of none, or where a network moves it; the
+    /// cloth is as it was.
     pub fn teleport(&mut self, to: Rigid, along: &[usize]) -> Result<(), StepError> {
         self.mover.stepper_mut().teleport(to, along)?;
         self.before = self.mover.stepper().positions().to_vec();
@@ -435,10 +440,22 @@ impl Run {
     }
 
     /// Leads the obstacle of this number in the next frame away from its own path, by a distance
-    /// `[m]` or a rigid motion; it stays there until it is led on. Without a solver nothing is led.
-    pub fn lead_obstacle(&mut self, number: usize, away: impl Into<Rigid>) {
-        if let Mover::Solver(solver) = &mut self.mover {
-            solver.lead_obstacle(number, away);
+    /// `[m]` or a rigid motion; it stays there until it is led on.
+    ///
+    /// # Errors
+    /// [`StepError::Obstacle`] for the number of no obstacle, and for all where no solver moves the cloth.
+    pub fn lead_obstacle(
+        &mut self,
+        number: usize,
+        away: impl Into<Rigid>,
+    ) -> Result<(), StepError> {
+        match &mut self.mover {
+            Mover::Solver(solver) => solver.lead_obstacle(number, away),
+            _ => Err(StepError::Obstacle {
+                frame: self.frame(),
+                number,
+                count: 0,
+            }),
         }
     }
 
@@ -490,6 +507,7 @@ impl Run {
 
 /// A snapshot of a run.
 struct State {
+    scene: Scene,
     mover: Snapshot,
     path: HandlePath,
     before: Vec<Vec3>,

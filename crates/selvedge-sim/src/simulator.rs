@@ -60,6 +60,8 @@ pub struct Simulator {
     contact: Option<Box<Contact>>,
     /// The steps, where someone wants their gradient.
     recording: Option<Box<gradient::Recording>>,
+    /// The call that ended the last recording.
+    recording_ended_by: Option<&'static str>,
 }
 
 /// Work since the start, by what it came to.
@@ -123,6 +125,7 @@ impl Simulator {
             edges: WatchedEdges::new(&scene.mesh, &scene.handles),
             contact: Contact::of(scene, active.system.mass()).map(Box::new),
             recording: None,
+            recording_ended_by: None,
             scene: scene.clone(),
             active,
         })
@@ -267,7 +270,7 @@ impl Simulator {
                 source: HandleError::Count { expected, found },
             });
         }
-        self.stop_recording();
+        self.end_recording("`substep`");
         self.wake();
         self.save(FRAME);
         self.undo = None;

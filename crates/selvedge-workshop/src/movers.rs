@@ -74,8 +74,13 @@ impl LivePhysics {
     /// Leads all bodies there, away from their own paths, `[obstacles]`.
     fn lead_bodies(&mut self, offsets: &[Rigid]) {
         for (number, offset) in offsets.iter().enumerate() {
-            self.simulator.lead_obstacle(number, *offset);
+            self.lead(number, *offset);
         }
+    }
+
+    /// Leads a body; a scene without contact has none to lead.
+    fn lead(&mut self, number: usize, offset: impl Into<Rigid>) {
+        let _ = self.simulator.lead_obstacle(number, offset);
     }
 }
 
@@ -131,7 +136,7 @@ impl LiveStepper for LivePhysics {
     }
 
     fn lead_body(&mut self, number: usize, offset: DVec3) {
-        self.simulator.lead_obstacle(number, offset);
+        self.lead(number, offset);
     }
 
     fn put_body(&mut self, number: usize, offset: DVec3) -> Result<(), LiveError> {

@@ -334,7 +334,8 @@ fn a_cloth_is_set_elsewhere_by_a_matrix() {
         assert!((after - before - 2.0).abs() < 1e-6);
     }
     let led = unsafe { selvedge_stepper_lead_body(stepper, 0, matrix.as_ptr()) };
-    assert_eq!(led, SelvedgeStatus::Ok);
+    assert_eq!(led, SelvedgeStatus::Argument);
+    assert!(words().contains("there is no obstacle 0"), "{}", words());
     matrix[0] = 2.0;
     assert_ne!(to(&matrix), SelvedgeStatus::Ok);
     assert!(words().contains("without scale"), "{}", words());

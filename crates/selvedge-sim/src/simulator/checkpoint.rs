@@ -141,7 +141,7 @@ impl Simulator {
     fn put(&mut self, checkpoint: &Checkpoint) {
         self.frame = checkpoint.frame;
         self.undo = None;
-        self.stop_recording();
+        self.end_recording("going back to a state");
         self.update_wind();
         self.state.positions.copy_from_slice(&checkpoint.positions);
         self.state

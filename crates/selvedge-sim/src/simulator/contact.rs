@@ -174,29 +174,33 @@ impl Simulator {
     }
 
     /// Leads the obstacle of this number over the next frame away from its own path, by a distance
-    /// `[m]` or a rigid motion of where that is; its points go there straight. A number without an
-    /// obstacle is passed over.
-    pub fn lead_obstacle(&mut self, number: usize, away: impl Into<Rigid>) {
-        if let Some(shift) = self.obstacle_shift(number) {
-            shift.next = away.into();
-        }
+    /// `[m]` or a rigid motion of where that is; its points go there straight.
+    ///
+    /// # Errors
+    /// [`StepError::Obstacle`] for the number of no obstacle.
+    pub fn lead_obstacle(
+        &mut self,
+        number: usize,
+        away: impl Into<Rigid>,
+    ) -> Result<(), StepError> {
+        self.obstacle_shift(number)?.next = away.into();
+        Ok(())
     }
 
     /// Puts the obstacle of this number at a distance `[m]` or by a rigid motion away from its own
     /// path at once, as if it had been there before.
     ///
     /// # Errors
-    /// [`StepError::Intersections`] where it would meet the cloth; it stays where it was.
+    /// [`StepError::Intersections`] where it would meet the cloth, [`StepError::Obstacle`] for the number
+    /// of none; it stays where it was.
     pub fn put_obstacle(&mut self, number: usize, away: impl Into<Rigid>) -> Result<(), StepError> {
         self.wake();
-        let Some(shift) = self.obstacle_shift(number) else {
-            return Ok(());
-        };
+        let shift = self.obstacle_shift(number)?;
         let before = std::mem::replace(shift, Shift::at(away.into()));
         let (frame, positions) = (self.frame, &self.state.positions);
         let met = self.meeting(|contact, rate| contact.intersections(positions, frame, rate));
         let apart = Self::refuse(frame, met);
-        if let (Err(_), Some(shift)) = (&apart, self.obstacle_shift(number)) {
+        if let (Err(_), Ok(shift)) = (&apart, self.obstacle_shift(number)) {
             *shift = before;
         }
         apart
@@ -205,14 +209,21 @@ impl Simulator {
     /// Puts the first obstacles there, away from their own paths, unchecked.
     pub(super) fn shift_obstacles(&mut self, places: &[Rigid]) {
         for (number, place) in places.iter().enumerate() {
-            if let Some(shift) = self.obstacle_shift(number) {
+            if let Ok(shift) = self.obstacle_shift(number) {
                 *shift = Shift::at(*place);
             }
         }
     }
 
-    fn obstacle_shift(&mut self, number: usize) -> Option<&mut Shift> {
-        self.contact.as_mut()?.bodies.shifts.get_mut(number)
+    fn obstacle_shift(&mut self, number: usize) -> Result<&mut Shift, StepError> {
+        let shifts = self.contact.as_mut().map(|c| &mut c.bodies.shifts[..]);
+        let shifts = shifts.unwrap_or_default();
+        let (frame, count) = (self.frame, shifts.len());
+        shifts.get_mut(number).ok_or(StepError::Obstacle {
+            frame,
+            number,
+            count,
+        })
     }
 
     /// Motions from their own paths to where the obstacles are led in the next frame, `[obstacles]`.

@@ -113,10 +113,16 @@ impl Stepper for Simulator {
             contact.still.clear();
         }
         for number in along {
-            if let Some(place) = state.obstacles.get_mut(*number) {
-                *place = to.after(place);
-            }
+            let count = state.obstacles.len();
+            let place = state.obstacles.get_mut(*number);
+            let place = place.ok_or(StepError::Obstacle {
+                frame,
+                number: *number,
+                count,
+            })?;
+            *place = to.after(place);
         }
+        let was_recorded = self.recording.is_some();
         self.go_to(&led, |error| match error {
             SimulatorError::Intersections { count, pairs, .. } => StepError::Intersections {
                 frame,
@@ -127,7 +133,11 @@ impl Stepper for Simulator {
                 frame,
                 vertex: VertexId(0),
             },
-        })
+        })?;
+        if was_recorded {
+            self.recording_ended_by = Some("`teleport`");
+        }
+        Ok(())
     }
 }
 
@@ -197,7 +207,7 @@ impl Simulator {
 impl Correctable for Simulator {
     fn replace_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
         self.check_frame(self.frame, positions)?;
-        self.stop_recording();
+        self.end_recording("`replace_frame`");
         self.wake();
         let rate = self.scene.frame_rate;
         // Part of the frame that had passed before the last substep.
@@ -218,7 +228,7 @@ impl Correctable for Simulator {
 
     fn take_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
         self.check_frame(self.frame + 1, positions)?;
-        self.stop_recording();
+        self.end_recording("`take_frame`");
         self.undo = None;
         let rate = self.scene.frame_rate;
         let [x, v] = self.state.both_mut();
@@ -243,7 +253,7 @@ impl Correctable for Simulator {
         let Some(active) = self.undo.take() else {
             return;
         };
-        self.stop_recording();
+        self.end_recording("`undo_step`");
         self.put_back(FRAME);
         if let Some(active) = active {
             self.active = active;

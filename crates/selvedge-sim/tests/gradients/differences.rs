@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 use selvedge_cloth::{
-    AirLaw, ElasticLaw, Gust, HandleConstraint, HandleTargets, Integrator, LinearSolver, Scene,
-    Stepper,
+    AirLaw, Correctable, ElasticLaw, Gust, HandleConstraint, HandleTargets, Integrator,
+    LinearSolver, Scene, Stepper,
 };
 use selvedge_sim::{Gradient, GradientError, GradientSettings, Simulator, StateGradient};
 
@@ -416,7 +416,47 @@ fn what_has_no_gradient_is_refused() {
     );
     let mut simulator = Simulator::new(&hanging(4)).unwrap();
     let error = simulator.backward(&mut |_, _| ()).unwrap_err();
-    assert_eq!(error, GradientError::NotRecorded);
+    assert_eq!(error, GradientError::NotRecorded { ended_by: None });
+    let targets = HandleTargets::at_frame_end(simulator.handle_places()).unwrap();
+    let calls: [(&str, &dyn Fn(&mut Simulator)); 4] = [
+        ("`teleport`", &|s| {
+            s.teleport(DVec3::X.into(), &[]).unwrap();
+        }),
+        ("`substep`", &|s| {
+            s.substep(1e-3, &s.handle_places()).unwrap()
+        }),
+        ("`undo_step`", &|s| s.undo_step()),
+        ("going back to a state", &|s| {
+            s.rewind(&Stepper::snapshot(s).unwrap()).unwrap();
+        }),
+    ];
+    for (name, call) in calls {
+        simulator
+            .record_gradient(GradientSettings::default())
+            .unwrap();
+        simulator.step(&targets).unwrap();
+        call(&mut simulator);
+        let error = simulator.backward(&mut |_, _| ()).unwrap_err();
+        assert!(error.to_string().contains(name), "{error}");
+    }
+    simulator
+        .record_gradient(GradientSettings::default())
+        .unwrap();
+    let targets = HandleTargets::at_frame_end(simulator.handle_places()).unwrap();
+    simulator.step(&targets).unwrap();
+    for frame in [1, 0] {
+        let error = simulator.backward(&mut |at, by| {
+            if at == frame {
+                by.velocities[2].z = f64::NAN;
+            }
+        });
+        let expected = GradientError::NotFinite {
+            frame,
+            of: "velocity",
+            vertex: 2,
+        };
+        assert_eq!(error, Err(expected));
+    }
     simulator
         .record_gradient(GradientSettings::default())
         .unwrap();
