@@ -136,7 +136,11 @@ mod tests {
         let mut wrong = columns;
         wrong[0] = 2.0;
         assert!(refused(&wrong).contains("without scale"));
-        assert!(refused(&wrong).contains("found the rows [[2.0, "), "{}", refused(&wrong));
+        assert!(
+            refused(&wrong).contains("found the rows [[2.0, "),
+            "{}",
+            refused(&wrong)
+        );
         wrong = columns;
         wrong[13] = f64::NAN;
         assert!(refused(&wrong).contains("without scale"));

@@ -139,7 +139,10 @@ fn obstacles_that_are_not_there_are_not_led() {
     let mut learned = Run::of_model(&scene(""), &paper()).unwrap();
     for run in [&mut run, &mut learned] {
         let refused = run.lead_obstacle(0, DVec3::X).unwrap_err();
-        assert!(refused.to_string().contains("no obstacle 0: 0 can"), "{refused}");
+        assert!(
+            refused.to_string().contains("no obstacle 0: 0 can"),
+            "{refused}"
+        );
     }
     assert!(run.teleport(DVec3::X.into(), &[2]).is_err());
 }
