@@ -3,7 +3,7 @@
 //!
 //! The physics, the learned model and a recording implement [`Stepper`]; the recorder, the
 //! evaluator, the viewer and the exporters consume it and never ask which one it is.
-//! [`crate::conformance`] checks an implementation.
+//! `tests/conformance` of this crate checks an implementation.
 
 use std::any::Any;
 use std::sync::Arc;

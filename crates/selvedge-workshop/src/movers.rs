@@ -265,7 +265,7 @@ impl LiveStepper for LiveModel {
 mod tests {
     use super::*;
     use crate::SceneWorkshop;
-    use selvedge_cloth::conformance::{HandlesEnd, check};
+    use crate::conformance::{HandlesEnd, check};
     use selvedge_live::{MoverKind, Order, ReadyCloth, Start, Workshop};
     use std::ops::ControlFlow;
 

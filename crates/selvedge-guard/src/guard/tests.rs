@@ -1,8 +1,8 @@
 //! Guards of a stepper that errs on purpose: it is kept within bounds, and left alone as long as it
 //! does not err.
 
+use crate::conformance::{HandlesEnd, check, check_correctable, check_stop};
 use glam::{DVec3, Vec2};
-use selvedge_cloth::conformance::{HandlesEnd, check, check_correctable, check_stop};
 use selvedge_cloth::generate::square;
 use selvedge_cloth::{
     Cloth, ClothArrays, ContactSettings, Handles, Material, Motion, Obstacle, Topology, bodies,

@@ -1,6 +1,6 @@
 //! The simulator keeps the contract of a stepper, whatever its physics settings.
 
-use selvedge_cloth::conformance::{HandlesEnd, check_correctable, check_stop};
+use crate::stepper_checks::{HandlesEnd, check_correctable, check_stop};
 use selvedge_cloth::{
     ConjugateGradients, HandleConstraint, Integrator, LinearSolver, PhysicsSettings,
 };
