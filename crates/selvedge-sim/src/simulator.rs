@@ -42,15 +42,11 @@ pub struct Simulator {
     /// The start of the frame, and that of the part of it under way, where contact may take the
     /// cloth back there.
     starts: [Snapshot; 2],
-    /// The active handles before the last step where they were others, while it can be undone.
-    undo: Option<Option<ActiveHandles>>,
     rounded: Vec<Vec3>,
     frame: usize,
     divided: DividedFrames,
     /// Targets of the handles at the end of the last frame `[m]`, `[handles]`.
     reached: Vec<DVec3>,
-    /// The same one frame before, while that can be undone.
-    reached_before: Vec<DVec3>,
     /// Targets of the active handles `[m]`.
     targets: Vec<DVec3>,
     threads: Threads,
@@ -109,7 +105,6 @@ impl Simulator {
         Ok(Self {
             rounded: vec![Vec3::ZERO; vertices],
             reached: scene.handles.select(positions),
-            reached_before: scene.handles.select(positions),
             targets: vec![DVec3::ZERO; scene.handles.len()],
             state: State {
                 positions: positions.to_vec(),
@@ -117,7 +112,6 @@ impl Simulator {
             },
             history: History::none(vertices),
             starts: [Snapshot::new(vertices), Snapshot::new(vertices)],
-            undo: None,
             frame: 0,
             divided: DividedFrames::default(),
             threads: Threads::Pool,
@@ -137,7 +131,6 @@ impl Simulator {
     #[must_use]
     pub fn at_frame(mut self, frame: usize) -> Self {
         self.frame = frame;
-        self.undo = None;
         self.update_wind();
         self
     }
@@ -273,7 +266,6 @@ impl Simulator {
         self.end_recording("`substep`");
         self.wake();
         self.save(FRAME);
-        self.undo = None;
         self.update_wind();
         self.active.put_targets(&mut self.targets, |h| targets[h]);
         let threads = self.enter();

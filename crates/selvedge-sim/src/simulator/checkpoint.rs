@@ -140,7 +140,6 @@ impl Simulator {
     /// Takes all but the obstacles from a checked checkpoint.
     fn put(&mut self, checkpoint: &Checkpoint) {
         self.frame = checkpoint.frame;
-        self.undo = None;
         self.end_recording("going back to a state");
         self.update_wind();
         self.state.positions.copy_from_slice(&checkpoint.positions);
