@@ -132,33 +132,45 @@ pub trait Correctable: Stepper {
     fn undo_step(&mut self);
 }
 
+/// Implements the methods of [`Stepper`] that say what moves and where it is, and `stop_by`, by
+/// another stepper, as `self: self.inner`; `but stop_by` leaves that out.
+#[macro_export]
+macro_rules! delegate_stepper {
+    ($self:ident: $inner:expr) => {
+        $crate::delegate_stepper!($self: $inner, but stop_by);
+
+        fn stop_by(&mut $self, stop: $crate::Stop) {
+            $inner.stop_by(stop);
+        }
+    };
+    ($self:ident: $inner:expr, but stop_by) => {
+        fn topology(&$self) -> &$crate::Topology {
+            $inner.topology()
+        }
+
+        fn handles(&$self) -> &$crate::Handles {
+            $inner.handles()
+        }
+
+        fn positions(&$self) -> &[::glam::Vec3] {
+            $inner.positions()
+        }
+
+        fn frame(&$self) -> usize {
+            $inner.frame()
+        }
+
+        fn handle_places(&$self) -> ::std::vec::Vec<::glam::DVec3> {
+            $inner.handle_places()
+        }
+    };
+}
+
 impl<S: Stepper + ?Sized> Stepper for Box<S> {
-    fn topology(&self) -> &Topology {
-        (**self).topology()
-    }
-
-    fn handles(&self) -> &Handles {
-        (**self).handles()
-    }
-
-    fn positions(&self) -> &[Vec3] {
-        (**self).positions()
-    }
-
-    fn frame(&self) -> usize {
-        (**self).frame()
-    }
-
-    fn handle_places(&self) -> Vec<DVec3> {
-        (**self).handle_places()
-    }
+    delegate_stepper!(self: (**self));
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
         (**self).step(targets)
-    }
-
-    fn stop_by(&mut self, stop: Stop) {
-        (**self).stop_by(stop);
     }
 
     fn snapshot(&self) -> Option<Snapshot> {
@@ -341,35 +353,4 @@ pub fn check_targets_hold(
     let frame = stepper.frame() + 1;
     let hold = targets.require_all_hold();
     hold.map_err(|source| StepError::Handles { frame, source })
-}
-
-/// Implements every method of [`Stepper`] but [`Stepper::step`] and snapshots by the field of this
-/// name, which is a stepper itself.
-#[macro_export]
-macro_rules! delegate_stepper {
-    ($inner:ident) => {
-        fn topology(&self) -> &$crate::Topology {
-            self.$inner.topology()
-        }
-
-        fn handles(&self) -> &$crate::Handles {
-            self.$inner.handles()
-        }
-
-        fn positions(&self) -> &[::glam::Vec3] {
-            self.$inner.positions()
-        }
-
-        fn frame(&self) -> usize {
-            self.$inner.frame()
-        }
-
-        fn handle_places(&self) -> ::std::vec::Vec<::glam::DVec3> {
-            self.$inner.handle_places()
-        }
-
-        fn stop_by(&mut self, stop: $crate::Stop) {
-            self.$inner.stop_by(stop);
-        }
-    };
 }

@@ -380,21 +380,7 @@ impl<S: Correctable> Guard<S> {
 }
 
 impl<S: Correctable> Stepper for Guard<S> {
-    fn topology(&self) -> &Topology {
-        self.inner.topology()
-    }
-
-    fn handles(&self) -> &Handles {
-        self.inner.handles()
-    }
-
-    fn positions(&self) -> &[Vec3] {
-        self.inner.positions()
-    }
-
-    fn frame(&self) -> usize {
-        self.inner.frame()
-    }
+    selvedge_cloth::delegate_stepper!(self: self.inner, but stop_by);
 
     /// Heard by the inner stepper and by the physics beside it.
     fn stop_by(&mut self, stop: Stop) {

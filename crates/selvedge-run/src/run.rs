@@ -4,13 +4,11 @@ mod gradients;
 
 #[cfg(feature = "files")]
 use std::ops::ControlFlow;
+use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{
-    HandlePath, HandleTargets, Handles, Impulse, Rigid, Snapshot, StepError, Stepper, Stop,
-    Topology,
-};
+use selvedge_cloth::{HandlePath, HandleTargets, Impulse, Rigid, Snapshot, StepError, Stepper};
 #[cfg(feature = "files")]
 use selvedge_data::{Recording, Trajectory};
 #[cfg(feature = "learned")]
@@ -50,8 +48,10 @@ enum Mover {
     Other(Box<dyn Stepper + Send + Sync>),
 }
 
-impl Mover {
-    fn stepper(&self) -> &(dyn Stepper + Send) {
+impl Deref for Mover {
+    type Target = dyn Stepper + Send;
+
+    fn deref(&self) -> &Self::Target {
         match self {
             Self::Solver(solver) => solver.as_ref(),
             #[cfg(feature = "learned")]
@@ -59,8 +59,10 @@ impl Mover {
             Self::Other(other) => other.as_ref(),
         }
     }
+}
 
-    fn stepper_mut(&mut self) -> &mut (dyn Stepper + Send) {
+impl DerefMut for Mover {
+    fn deref_mut(&mut self) -> &mut Self::Target {
         match self {
             Self::Solver(solver) => solver.as_mut(),
             #[cfg(feature = "learned")]
@@ -207,8 +209,8 @@ impl Run {
             #[cfg(feature = "learned")]
             beyond: Vec::new(),
         };
-        run.first = run.mover.stepper().frame();
-        run.before = run.mover.stepper().positions().to_vec();
+        run.first = run.mover.frame();
+        run.before = run.mover.positions().to_vec();
         run.strain.begin(&run.before);
         run.beginning = run.snapshot();
         Ok(run)
@@ -233,9 +235,9 @@ impl Run {
             Mover::Solver(_) => Vec::new(),
             _ => self.positions().to_vec(),
         };
-        self.mover.stepper_mut().step(targets)?;
+        self.mover.step(targets)?;
         self.before = last;
-        self.strain.see(self.mover.stepper().positions());
+        self.strain.see(self.mover.positions());
         Ok(())
     }
 
@@ -245,7 +247,7 @@ impl Run {
     /// # Errors
     /// [`StepError::Handles`] for a target that is not finite, or too far away.
     pub fn next_targets(&mut self, samples: usize) -> Result<HandleTargets, StepError> {
-        self.path.next(self.mover.stepper(), samples)
+        self.path.next(&*self.mover, samples)
     }
 
     /// Targets per frame along the scene's motion: one per substep of the solver, else one.
@@ -260,7 +262,7 @@ impl Run {
     /// Positions of the newest frame `[m]`, `[vertices]`, in single precision.
     #[must_use]
     pub fn positions(&self) -> &[Vec3] {
-        self.mover.stepper().positions()
+        self.mover.positions()
     }
 
     /// Positions `[m]`, `[vertices]`, in double precision where the solver moves the cloth.
@@ -289,7 +291,7 @@ impl Run {
     /// Number of the newest frame in the motion: 0 at its beginning.
     #[must_use]
     pub fn frame(&self) -> usize {
-        self.mover.stepper().frame()
+        self.mover.frame()
     }
 
     /// Frames of the scene's motion after the one in which the run began.
@@ -392,7 +394,7 @@ impl Run {
     pub fn snapshot(&self) -> Option<Snapshot> {
         Some(Snapshot::of(State {
             scene: self.scene.clone(),
-            mover: self.mover.stepper().snapshot()?,
+            mover: self.mover.snapshot()?,
             path: self.path.clone(),
             before: self.before.clone(),
             strain: self.strain.clone(),
@@ -409,7 +411,7 @@ impl Run {
             let (own, other) = (self.scene.built(), state.scene.built());
             std::ptr::eq(own, other) || own == other
         })?;
-        self.mover.stepper_mut().rewind(&state.mover)?;
+        self.mover.rewind(&state.mover)?;
         self.path.clone_from(&state.path);
         self.before.clone_from(&state.before);
         self.strain.clone_from(&state.strain);
@@ -434,8 +436,8 @@ impl Run {
     /// Where the cloth would meet an obstacle, for the number of none, or where a network moves it; the
     /// cloth is as it was.
     pub fn teleport(&mut self, to: Rigid, along: &[usize]) -> Result<(), StepError> {
-        self.mover.stepper_mut().teleport(to, along)?;
-        self.before = self.mover.stepper().positions().to_vec();
+        self.mover.teleport(to, along)?;
+        self.before = self.mover.positions().to_vec();
         Ok(())
     }
 
@@ -516,32 +518,10 @@ struct State {
 
 /// A run takes the place of any stepper.
 impl Stepper for Run {
-    fn topology(&self) -> &Topology {
-        self.mover.stepper().topology()
-    }
-
-    fn handles(&self) -> &Handles {
-        self.mover.stepper().handles()
-    }
-
-    fn positions(&self) -> &[Vec3] {
-        self.mover.stepper().positions()
-    }
-
-    fn frame(&self) -> usize {
-        self.mover.stepper().frame()
-    }
-
-    fn handle_places(&self) -> Vec<DVec3> {
-        self.mover.stepper().handle_places()
-    }
+    selvedge_cloth::delegate_stepper!(self: self.mover);
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
         self.step_to(targets)
-    }
-
-    fn stop_by(&mut self, stop: Stop) {
-        self.mover.stepper_mut().stop_by(stop);
     }
 
     fn snapshot(&self) -> Option<Snapshot> {

@@ -85,7 +85,7 @@ impl LivePhysics {
 }
 
 impl Stepper for LivePhysics {
-    selvedge_cloth::delegate_stepper!(simulator);
+    selvedge_cloth::delegate_stepper!(self: self.simulator);
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
         self.was_blocked = false;
@@ -220,7 +220,7 @@ impl LiveModel {
 }
 
 impl Stepper for LiveModel {
-    selvedge_cloth::delegate_stepper!(stepper);
+    selvedge_cloth::delegate_stepper!(self: self.stepper);
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
         self.stepper.step(targets)?;

@@ -17,6 +17,7 @@ const BESIDE: [&str; 2] = ["assets", "docs"];
 
 /// The quick commands of all pages, with the program that was built before.
 #[test]
+#[allow(clippy::print_stdout, reason = "it is waited for by people")]
 #[ignore = "minutes: cargo xtask book --run builds the program and runs it"]
 fn quick_commands_of_the_book_run() {
     let root = root();

@@ -404,7 +404,7 @@ struct Failing {
 }
 
 impl Stepper for Failing {
-    selvedge_cloth::delegate_stepper!(simulator);
+    selvedge_cloth::delegate_stepper!(self: self.simulator);
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
         let frame = self.frame() + 1;
