@@ -141,7 +141,7 @@ pub(crate) fn natural<'py, T>(given: &Bound<'py, PyAny>) -> PyResult<T>
 where
     for<'a> T: FromPyObject<'a, 'py, Error = PyErr>,
 {
-    given.extract().map_err(|error| {
+    given.extract().map_err(|error: PyErr| {
         if error.is_instance_of::<PyOverflowError>(given.py()) {
             wrong(format!("give a whole number from 0 on, found {given}"))
         } else {

@@ -6,7 +6,6 @@ use pyo3::prelude::*;
 use selvedge_data::export::{ExportOptions, FrameSpan, export};
 use selvedge_data::{Trajectory, UpAxis};
 
-use crate::arrays::natural;
 use crate::errors::{raised, wrong};
 use crate::long::beside_reporting;
 
@@ -17,7 +16,7 @@ use crate::long::beside_reporting;
 pub(crate) fn options(
     path: &Path,
     frames: Option<&str>,
-    #[pyo3(from_py_with = natural)] every: usize,
+    every: usize,
     up: UpAxis,
 ) -> PyResult<ExportOptions> {
     let ending = path.extension().and_then(|ending| ending.to_str());

@@ -22,10 +22,13 @@ pub(crate) fn from_python<T: serde::de::DeserializeOwned>(value: &Bound<'_, PyAn
         Err(_) => {
             let py = value.py();
             let options = PyDict::new(py);
-            let to_list = py.import("operator")?.call_method1("methodcaller", ("tolist",))?;
+            let to_list = py
+                .import("operator")?
+                .call_method1("methodcaller", ("tolist",))?;
             options.set_item("default", to_list)?;
             let json = py.import("json")?;
-            json.call_method("dumps", (value,), Some(&options))?.extract()?
+            json.call_method("dumps", (value,), Some(&options))?
+                .extract()?
         }
     };
     serde_json::from_str(&text).map_err(raised)

@@ -172,7 +172,7 @@ pub(crate) fn rollout(
 fn roll(
     scene: &Scene,
     model: &Model,
-    #[pyo3(from_py_with = natural)] frames: Option<usize>,
+    frames: Option<usize>,
     guard: Correction,
     has_truth: bool,
     stop: &Stop,
@@ -224,7 +224,7 @@ fn roll(
 /// The frames of a run by the solver, and its end.
 fn simulated(
     run: &mut Run,
-    #[pyo3(from_py_with = natural)] frames: usize,
+    frames: usize,
     what: &str,
     stop: &Stop,
     reporter: &mut Progress<'_>,

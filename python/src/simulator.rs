@@ -7,7 +7,7 @@ use pyo3::types::{PyDict, PyList, PyTuple};
 use selvedge::{Gradient, GradientError, GradientSettings, Run};
 use selvedge_sim::{Checkpoint, Simulator as Physics};
 
-use crate::arrays::{self, Numbers, natural};
+use crate::arrays::{self, Numbers};
 use crate::errors::{SelvedgeError, raised, wrong};
 use crate::long::{Progress, beside_reporting};
 use crate::pickling::{self, Call};
@@ -70,10 +70,7 @@ impl Simulator {
     ///
     /// Raises `SelvedgeError` for a law that has no energy, and for contact with the formula `linearised`.
     #[pyo3(signature = (memory=GradientSettings::default().memory))]
-    fn record_gradient(
-        slf: &Bound<'_, Self>,
-        #[pyo3(from_py_with = natural)] memory: usize,
-    ) -> PyResult<()> {
+    fn record_gradient(slf: &Bound<'_, Self>, memory: usize) -> PyResult<()> {
         let settings = GradientSettings {
             memory,
             ..GradientSettings::default()

@@ -45,13 +45,17 @@ impl Worlds {
     fn with<R>(
         &self,
         py: Python<'_>,
-        #[pyo3(from_py_with = natural)] world: usize,
+        world: i64,
         work: impl FnOnce(&mut Run) -> PyResult<R>,
     ) -> PyResult<R> {
         let mut runs = self.free()?;
         let count = runs.len();
-        let run = runs.get_mut(world);
-        let run = run.ok_or_else(|| wrong(format!("there is no world {world}: there are {count}, numbered from 0")))?;
+        let run = usize::try_from(world).ok().and_then(|w| runs.get_mut(w));
+        let run = run.ok_or_else(|| {
+            wrong(format!(
+                "there is no world {world}: there are {count}, numbered from 0"
+            ))
+        })?;
         let done = work(run)?;
         self.show(py, &runs)?;
         Ok(done)
@@ -173,7 +177,7 @@ impl Worlds {
     fn lead_body(
         &self,
         py: Python<'_>,
-        #[pyo3(from_py_with = natural)] world: usize,
+        world: i64,
         #[pyo3(from_py_with = natural)] body: usize,
         matrix: Numbers<'_>,
     ) -> PyResult<()> {
@@ -185,18 +189,14 @@ impl Worlds {
     }
 
     /// Puts a world back to its start.
-    fn reset(&self, py: Python<'_>, #[pyo3(from_py_with = natural)] world: usize) -> PyResult<()> {
+    fn reset(&self, py: Python<'_>, world: i64) -> PyResult<()> {
         self.with(py, world, |run| {
             run.reset().map_err(|error| step_failed(py, error))
         })
     }
 
     /// The state of a world, for `restore` of any world of the same scene.
-    fn snapshot(
-        &self,
-        py: Python<'_>,
-        #[pyo3(from_py_with = natural)] world: usize,
-    ) -> PyResult<Snapshot> {
+    fn snapshot(&self, py: Python<'_>, world: i64) -> PyResult<Snapshot> {
         self.with(py, world, |run| {
             let state = run.snapshot().map(Snapshot);
             state.ok_or_else(|| wrong("this world cannot go back"))
@@ -204,12 +204,7 @@ impl Worlds {
     }
 
     /// Puts a world into the state of a snapshot.
-    fn restore(
-        &self,
-        py: Python<'_>,
-        #[pyo3(from_py_with = natural)] world: usize,
-        snapshot: &Snapshot,
-    ) -> PyResult<()> {
+    fn restore(&self, py: Python<'_>, world: i64, snapshot: &Snapshot) -> PyResult<()> {
         self.with(py, world, |run| {
             let back = run.restore(&snapshot.0);
             back.map_err(|error| step_failed(py, error))
