@@ -17,20 +17,17 @@ pub struct Rigid {
 
 impl Rigid {
     /// The motion that turns about `pivot` `[m]` and then goes `by` `[m]`.
-    #[must_use]
     pub fn about(pivot: DVec3, turn: DQuat, by: DVec3) -> Self {
         let by = pivot - turn * pivot + by;
         Self { turn, by }
     }
 
     /// Where a point `[m]` goes.
-    #[must_use]
     pub fn of(&self, point: DVec3) -> DVec3 {
         self.turn * point + self.by
     }
 
     /// This motion after another one.
-    #[must_use]
     pub fn after(&self, first: &Self) -> Self {
         Self {
             turn: (self.turn * first.turn).normalize(),
@@ -56,7 +53,6 @@ impl Impulse {
     };
 
     /// The momentum `linear` `[N s]`, received at `place` `[m]`.
-    #[must_use]
     pub fn at(place: DVec3, linear: DVec3) -> Self {
         Self {
             linear,
@@ -65,7 +61,6 @@ impl Impulse {
     }
 
     /// The angular momentum about `place` `[m]` `[N m s]`.
-    #[must_use]
     pub fn about(&self, place: DVec3) -> DVec3 {
         self.angular - place.cross(self.linear)
     }

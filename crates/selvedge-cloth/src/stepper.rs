@@ -303,7 +303,6 @@ fn squeezing(names: &[String]) -> String {
 
 impl StepError {
     /// The frame that could not be reached.
-    #[must_use]
     pub fn frame(&self) -> usize {
         match *self {
             Self::Handles { frame, .. }

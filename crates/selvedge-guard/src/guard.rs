@@ -63,7 +63,6 @@ pub enum Correction {
 
 impl Correction {
     /// Name, in all fronts: `none` or `limit`.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::None => "none",

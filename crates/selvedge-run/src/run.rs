@@ -251,7 +251,6 @@ impl Run {
     }
 
     /// Targets per frame along the scene's motion: one per substep of the solver, else one.
-    #[must_use]
     pub fn samples(&self) -> usize {
         match self.mover {
             Mover::Solver(_) => self.scene.built().physics.substeps as usize,
@@ -260,13 +259,11 @@ impl Run {
     }
 
     /// Positions of the newest frame `[m]`, `[vertices]`, in single precision.
-    #[must_use]
     pub fn positions(&self) -> &[Vec3] {
         self.mover.positions()
     }
 
     /// Positions `[m]`, `[vertices]`, in double precision where the solver moves the cloth.
-    #[must_use]
     pub fn positions_f64(&self) -> Vec<DVec3> {
         match &self.mover {
             Mover::Solver(solver) => solver.positions_f64().to_vec(),
@@ -276,7 +273,6 @@ impl Run {
 
     /// Velocities `[m/s]`, `[vertices]`: those of the solver's state, otherwise the way of the last
     /// frame over its time.
-    #[must_use]
     pub fn velocities(&self) -> Vec<DVec3> {
         if let Mover::Solver(solver) = &self.mover {
             return solver.velocities_f64().to_vec();
@@ -289,7 +285,6 @@ impl Run {
     }
 
     /// Number of the newest frame in the motion: 0 at its beginning.
-    #[must_use]
     pub fn frame(&self) -> usize {
         self.mover.frame()
     }
@@ -303,13 +298,11 @@ impl Run {
     }
 
     /// The scene.
-    #[must_use]
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
 
     /// The solver; none where something else moves the cloth.
-    #[must_use]
     pub fn solver(&self) -> Option<&Simulator> {
         match &self.mover {
             Mover::Solver(solver) => Some(solver),
@@ -326,7 +319,6 @@ impl Run {
 
     /// The guard of a network; none where something else moves the cloth.
     #[cfg(feature = "learned")]
-    #[must_use]
     pub fn guard(&self) -> Option<&Guard<crate::machine::Mover>> {
         match &self.mover {
             Mover::Model(guard) => Some(guard),
@@ -336,26 +328,22 @@ impl Run {
 
     /// The guard's word on the newest frame; none without a guard.
     #[cfg(feature = "learned")]
-    #[must_use]
     pub fn trust(&self) -> Option<&Trust> {
         self.guard().map(Guard::trust)
     }
 
     /// The sagged rest pose, where the run began there.
-    #[must_use]
     pub fn rest(&self) -> Option<&SaggedRest> {
         self.rest.as_deref()
     }
 
     /// What was done to the cloth before its motion, a line each.
-    #[must_use]
     pub fn remarks(&self) -> &[String] {
         &self.remarks
     }
 
     /// All that is to be known of this run so far, a line each: warnings of the scene, of its start,
     /// of what a network does not see and was not trained on, and of its frames.
-    #[must_use]
     pub fn warnings(&self) -> Vec<String> {
         let mut all = self.scene.warnings().to_vec();
         all.extend_from_slice(self.start_warnings());
@@ -366,14 +354,12 @@ impl Run {
     }
 
     /// Warnings of the start, and of what a network does not do of its scene.
-    #[must_use]
     pub fn start_warnings(&self) -> &[String] {
         &self.warnings
     }
 
     /// Warnings of the frames so far: bodies that were let through, edges strained by more than
     /// fabrics are measured for, and a guard whose solver failed.
-    #[must_use]
     pub fn frame_warnings(&self) -> Vec<String> {
         let scene = self.scene.built();
         let through = self.solver().map(Simulator::yielded).unwrap_or_default();
@@ -390,7 +376,6 @@ impl Run {
     }
 
     /// The state now, for [`Self::restore`]; none of a stepper that cannot go back.
-    #[must_use]
     pub fn snapshot(&self) -> Option<Snapshot> {
         Some(Snapshot::of(State {
             scene: self.scene.clone(),
@@ -463,13 +448,11 @@ impl Run {
 
     /// What each obstacle received from the cloth over the last frame, `[obstacles]`: over the time of
     /// a frame, the force on it. None without a solver, or without contact.
-    #[must_use]
     pub fn impulses(&self) -> &[Impulse] {
         self.solver().map_or(&[], Simulator::received)
     }
 
     /// Points of all obstacles now `[m]`, those of the first one first.
-    #[must_use]
     pub fn obstacle_points(&self) -> Vec<DVec3> {
         let scene = self.scene.built();
         match self.solver() {

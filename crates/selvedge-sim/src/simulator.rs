@@ -128,7 +128,6 @@ impl Simulator {
     /// The same cloth with frames counted from `frame`: the next step has the targets, the wind and
     /// the releases of that frame of the scene. All handles count as on their paths; for a run that
     /// is taken up again see [`Self::taken_up_at`].
-    #[must_use]
     pub fn at_frame(mut self, frame: usize) -> Self {
         self.frame = frame;
         self.update_wind();
@@ -190,25 +189,21 @@ impl Simulator {
     }
 
     /// Positions now `[m]`, `[vertices]`.
-    #[must_use]
     pub fn positions_f64(&self) -> &[DVec3] {
         &self.state.positions
     }
 
     /// Velocities now `[m/s]`, `[vertices]`.
-    #[must_use]
     pub fn velocities_f64(&self) -> &[DVec3] {
         &self.state.velocities
     }
 
     /// Mass of each vertex `[kg]`, `[vertices]`.
-    #[must_use]
     pub fn vertex_mass(&self) -> &[f64] {
         self.active.system.mass()
     }
 
     /// Kinetic energy Σ m |v|²/2 `[J]`.
-    #[must_use]
     pub fn kinetic_energy(&self) -> f64 {
         self.vertex_mass()
             .iter()
@@ -219,7 +214,6 @@ impl Simulator {
 
     /// Energy of the cloth in its elements and in gravity, -Σ m g·x, `[J]`; none with a law that
     /// has no energy. Contact, springs of handles and the air are not in it.
-    #[must_use]
     pub fn potential_energy(&self) -> Option<f64> {
         let positions = &self.state.positions;
         let gravity = self.scene.environment.gravity;
@@ -229,7 +223,6 @@ impl Simulator {
     }
 
     /// Work since the start, by what it came to.
-    #[must_use]
     pub fn stats(&self) -> StepStats {
         let contact = self.contact.as_ref();
         StepStats {
@@ -240,7 +233,6 @@ impl Simulator {
     }
 
     /// Iterations of the last linear solve; none if it was a complete factorisation.
-    #[must_use]
     pub fn solver_iterations(&self) -> Option<u32> {
         self.active.system.iterations()
     }

@@ -86,7 +86,6 @@ impl Simulator {
     }
 
     /// The state now.
-    #[must_use]
     pub fn checkpoint(&self) -> Checkpoint {
         let changes = self.active.system.last_changes();
         let contact = self.contact.as_ref();

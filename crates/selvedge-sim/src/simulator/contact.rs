@@ -227,7 +227,6 @@ impl Simulator {
     }
 
     /// Motions from their own paths to where the obstacles are led in the next frame, `[obstacles]`.
-    #[must_use]
     pub fn obstacle_leads(&self) -> Vec<Rigid> {
         let contact = self.contact.iter();
         contact
@@ -237,7 +236,6 @@ impl Simulator {
     }
 
     /// Motions of the obstacles away from their own paths now, `[obstacles]`.
-    #[must_use]
     pub fn obstacle_offsets(&self) -> Vec<Rigid> {
         let contact = self.contact.iter();
         contact
@@ -249,19 +247,16 @@ impl Simulator {
     /// Momentum that each obstacle received from the cloth over the last frame
     /// `[N s]`, `[obstacles]`. Obstacles go on as they are led, whatever they
     /// receive. Vertices that were held back give nothing.
-    #[must_use]
     pub fn obstacle_impulses(&self) -> Vec<DVec3> {
         self.received().iter().map(|one| one.linear).collect()
     }
 
     /// The same with the angular momentum, `[obstacles]`.
-    #[must_use]
     pub fn received(&self) -> &[Impulse] {
         self.contact.as_ref().map_or(&[], |c| c.received())
     }
 
     /// Points of all obstacles now `[m]`, those of the first obstacle first; none without contact.
-    #[must_use]
     pub fn obstacle_points(&self) -> Vec<DVec3> {
         let rate = self.scene.frame_rate;
         let contact = self.contact.as_ref();
@@ -271,7 +266,6 @@ impl Simulator {
     /// Smallest gap of each vertex to the rest of the cloth and to obstacles now `[m]`,
     /// `[vertices]`, [`FAR`] where there is none that small; none without contact. Neighbours in
     /// the mesh count as far.
-    #[must_use]
     pub fn vertex_gaps(&self) -> Option<Vec<f64>> {
         let (frame, rate) = (self.frame, self.scene.frame_rate);
         let positions = &self.state.positions;
@@ -288,7 +282,6 @@ impl Simulator {
 
     /// Contact that was released so far, because bodies left the cloth no room: it is not among
     /// [`Self::intersection_count`].
-    #[must_use]
     pub fn yielded(&self) -> &[YieldedContact] {
         self.contact
             .as_ref()
@@ -297,7 +290,6 @@ impl Simulator {
 
     /// Pairs of faces that meet now, exactly, of the cloth at its rounded positions with itself and
     /// with obstacles; 0 without contact.
-    #[must_use]
     pub fn intersection_count(&self) -> usize {
         let (frame, rate) = (self.frame, self.scene.frame_rate);
         let met = |contact: &Contact| contact.written_intersections(&self.rounded, frame, rate);

@@ -190,7 +190,6 @@ impl Simulator {
     }
 
     /// Frames recorded so far; none where nothing is recorded.
-    #[must_use]
     pub fn recorded_frames(&self) -> Option<usize> {
         Some(self.recording.as_ref()?.frames.len())
     }
