@@ -342,7 +342,8 @@ impl Stepper {
     /// it the obstacles of the numbers `bodies`; its velocities turn along. The next targets begin
     /// from there.
     ///
-    /// Raises `FrameError` where it would meet an obstacle, or is moved by a model; it stays then.
+    /// Raises `FrameError` where it would meet an obstacle, or is moved by a model, and `ValueError` for
+    /// the number of no obstacle; it stays then.
     #[pyo3(signature = (matrix, bodies=Vec::new()))]
     fn teleport(
         &self,
@@ -359,6 +360,8 @@ impl Stepper {
 
     /// Leads the obstacle of this number, from 0, in the next frame away from its own path, by the
     /// rigid motion of a matrix (4, 4); it stays there until it is led on. Only the solver has them.
+    ///
+    /// Raises `ValueError` for the number of no obstacle.
     fn lead_body(
         &self,
         py: Python<'_>,
