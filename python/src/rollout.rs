@@ -11,7 +11,7 @@ use selvedge_lab::domain::{self, Beyond};
 use selvedge_lab::physics::{self, Simulated};
 use selvedge_lab::watched::{self, GuardSummary};
 
-use crate::arrays::Numbers;
+use crate::arrays::{Numbers, natural};
 use crate::errors::raised;
 use crate::guarding;
 use crate::json;
@@ -111,7 +111,7 @@ impl Rollout {
 pub(crate) fn simulate(
     py: Python<'_>,
     scene: &Scene,
-    frames: Option<usize>,
+    #[pyo3(from_py_with = natural)] frames: Option<usize>,
     positions: Option<Numbers<'_>>,
     velocities: Option<Numbers<'_>>,
     progress: Option<Py<PyAny>>,
@@ -154,7 +154,7 @@ pub(crate) fn rollout(
     py: Python<'_>,
     scene: &Scene,
     model: &Model,
-    frames: Option<usize>,
+    #[pyo3(from_py_with = natural)] frames: Option<usize>,
     guard: &str,
     truth: bool,
     progress: Option<Py<PyAny>>,

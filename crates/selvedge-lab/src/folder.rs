@@ -96,7 +96,6 @@ pub fn make_folder(path: &Path) -> Result<()> {
 
 /// A folder for results, locked against other runs. Folders made for it are removed on drop if
 /// they are empty.
-#[must_use]
 pub struct ClaimedFolder {
     lock: Option<FolderLock>,
     /// The innermost first.

@@ -29,6 +29,9 @@
 //! the program `selvedge` does. It does not know the viewer.
 
 pub mod assets;
+#[cfg(test)]
+#[path = "../../selvedge-cloth/tests/conformance/mod.rs"]
+mod conformance;
 pub mod domain;
 pub mod drape;
 pub mod evaluation;

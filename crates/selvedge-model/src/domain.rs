@@ -101,7 +101,6 @@ impl Bounds {
     }
 
     /// Bounds of both.
-    #[must_use]
     pub fn and(self, other: Self) -> Self {
         Self {
             least: self.least.min(other.least),

@@ -248,12 +248,13 @@ class Stepper:
         it the obstacles of the numbers `bodies`; its velocities turn along. The next targets begin
         from there.
 
-        Raises `FrameError` where it would meet an obstacle, or is moved by a model; it stays then.
-        """
+        Raises `FrameError` where it would meet an obstacle, or is moved by a model, and `ValueError` for
+        the number of no obstacle; it stays then."""
     def lead_body(self, body: int, matrix: ArrayLike) -> None:
         """Leads the obstacle of this number, from 0, in the next frame away from its own path, by the
         rigid motion of a matrix (4, 4); it stays there until it is led on. Only the solver has them.
-        """
+
+        Raises `ValueError` for the number of no obstacle."""
     @property
     def impulses(self) -> NDArray[np.float64]:
         """Momentum [N s] and angular momentum about the origin [N m s] that each body received in the last

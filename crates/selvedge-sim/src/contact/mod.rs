@@ -359,14 +359,6 @@ impl Contact {
         self.leave_out_released();
     }
 
-    /// Drops what the last substep left, but for what is released: friction takes hold anew.
-    pub(crate) fn forget(&mut self) {
-        self.memory = ContactMemory {
-            released: std::mem::take(&mut self.memory.released),
-            ..ContactMemory::default()
-        };
-    }
-
     /// What each obstacle received since [`Self::forget_received`], `[obstacles]`.
     pub(crate) fn received(&self) -> &[Impulse] {
         &self.received.all
