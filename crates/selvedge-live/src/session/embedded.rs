@@ -19,8 +19,8 @@ use crate::workshop::Workshop;
 const PAGE: u32 = 1;
 
 /// Frames that a cloth takes before its first one, and the longest time for them.
-const WARM_UP: usize = 32;
-const LONGEST_WARM_UP: Duration = Duration::from_millis(600);
+const WARM_UP: usize = 12;
+const LONGEST_WARM_UP: Duration = Duration::from_millis(300);
 
 /// A session that its host drives: messages go in by [`receive`](Self::receive), and
 /// [`turn`](Self::turn) does what is due and hands out messages.
