@@ -3,7 +3,12 @@
 
 mod conformance;
 
-use conformance::*;
+use conformance::{HandlesEnd, check};
+use glam::Vec3;
+use selvedge_cloth::{
+    HandleTargets, Handles, Snapshot, StepError, Stepper, Topology, VertexId, check_target_count,
+    check_targets_hold,
+};
 
 /// A defect of a [`Carrier`].
 #[derive(Clone, Copy, Debug, PartialEq)]

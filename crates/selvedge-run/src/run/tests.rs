@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use glam::{DQuat, DVec3};
-use selvedge_cloth::{ContactSettings, Release, Scene as Built};
+use selvedge_cloth::{ContactSettings, Handles, Release, Scene as Built, Stop};
 use selvedge_data::{Drive, Playback, StartSpec, open_scene, record};
 
 use super::*;

@@ -1,15 +1,13 @@
 //! The integrator: closed forms, conservation, handles, failures.
 
-use glam::{DQuat, DVec3, Vec3};
+use glam::{DQuat, DVec3};
 use selvedge_cloth::{HandleTargets, Handles, Integrator, Scene, Stepper};
 use selvedge_sim::laws::external::slow_air;
 use selvedge_sim::{Checkpoint, Simulator, SimulatorError};
 
 use crate::scenes::{
     BDF2, INTEGRATORS, crumpled, floating, hanging, held, largest_distance, momentum, moved, noise,
-    steps,
 };
-use crate::touching::none;
 
 const DT: f64 = 1.0 / 240.0;
 
