@@ -1,0 +1,61 @@
+//! `selvedge fit`: numbers of a scene from what was seen.
+
+use selvedge_lab::fit::{self, Order};
+use selvedge_lab::folder::{FolderKind, claim_folder};
+use serde_json::json;
+
+use crate::cli::FitArgs;
+use crate::output::{Answer, Facts, length};
+use crate::{place, progress};
+
+/// Fits, and writes what was found.
+pub(crate) fn run(args: &FitArgs) -> anyhow::Result<Answer> {
+    place::check_new_folder(&args.output)?;
+    let order = Order::read(&args.order)?;
+    order
+        .loaded
+        .warnings
+        .iter()
+        .for_each(|warning| tracing::warn!("{warning}"));
+    let _claimed = claim_folder(&args.output, FolderKind::Fit)?;
+    let Some(fitted) = fit::fit(&order, &mut progress::listener())? else {
+        anyhow::bail!("interrupted before the first run had ended: nothing is written");
+    };
+    let wrote = fit::write(&args.output, &order, &fitted)?;
+    let mut facts = Facts::new();
+    facts.tell("scene", &fitted.scene.name);
+    for found in &fitted.numbers {
+        let bound = if found.is_at_bound { ", at its bound" } else { "" };
+        facts.add("found", format!("{}{bound}", found));
+    }
+    let searches = &fitted.searches;
+    let [runs, back] = [0, 1].map(|k| searches.iter().map(|search| search.runs[k]).sum::<usize>());
+    facts.add(
+        "distance",
+        format!(
+            "{} per coordinate, noise {}",
+            length(fitted.rms),
+            length(fitted.noise)
+        ),
+    );
+    facts.add(
+        "runs",
+        format!(
+            "{runs}, of which {back} also back; {} failed",
+            fitted.failed
+        ),
+    );
+    if let Some(directions) = &fitted.directions {
+        let told = directions
+            .iter()
+            .filter(|direction| direction.is_told)
+            .count();
+        facts.add(
+            "told",
+            format!("{told} of {} combinations of numbers", directions.len()),
+        );
+    }
+    facts.add_paths("wrote", &wrote);
+    let report = json!({ "fit": fitted, "wrote": wrote });
+    Ok(facts.answer_at(fitted.end, report))
+}
