@@ -10,7 +10,7 @@ mod told;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, anyhow, bail, ensure};
+use anyhow::{Context, Result, anyhow, ensure};
 use glam::{DVec3, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -24,13 +24,15 @@ use serde::{Deserialize, Serialize};
 pub use self::numbers::Number;
 use self::numbers::{EnvironmentFile, MaterialFile, MotionFile, StartFile, Trial};
 pub use self::report::write;
-use self::search::{Look, Point};
+use self::search::{Landscape, Look, Metric, Point};
 use self::seen::{Mark, SeenFile};
 pub use self::told::Direction;
 use crate::event::{End, Event, OnEvent, Reporter, Task};
 
 /// Part of the bounds by which numbers are changed for the Gauss-Newton matrix.
 const CHANGE: f64 = 1e-3;
+/// Numbers up to which a search begins with the Gauss-Newton matrix.
+const FEW: usize = 12;
 
 /// An order as people write it.
 #[derive(Deserialize)]
@@ -306,34 +308,107 @@ impl Fit<'_> {
             .collect()
     }
 
-    /// How the misses change with each number, in parts of its bounds: `[numbers][coordinates]`. None
-    /// where it was stopped.
-    fn changes(&self, at: &[f64], task: &Task<'_, '_>) -> Result<Option<Vec<Vec<f64>>>> {
+    /// How the misses change with each number, in parts of its bounds: `[numbers][coordinates]`, from
+    /// those `here` on, or else to both sides. None where it was stopped.
+    fn changes(
+        &self,
+        at: &[f64],
+        here: Option<&[DVec3]>,
+        task: &Task<'_, '_>,
+    ) -> Result<Option<Vec<Vec<f64>>>> {
         let mut changes = Vec::new();
         for number in 0..at.len() {
-            let mut sides = Vec::new();
-            for step in [CHANGE, -CHANGE] {
+            let beside = |step: f64| {
                 let mut moved = at.to_vec();
                 moved[number] = (at[number] + step).clamp(0.0, 1.0);
                 match self.run(&moved, false, task) {
-                    Ran::Stopped => return Ok(None),
-                    Ran::Failed(error) => {
-                        return Err(error.context("a change of the numbers that were found"));
-                    }
-                    Ran::Done(made) => sides.push((moved[number], made.misses)),
+                    Ran::Stopped => Ok(None),
+                    Ran::Failed(error) => Err(error.context("a change of the numbers")),
+                    Ran::Done(made) => Ok(Some((moved[number], made.misses))),
                 }
-            }
-            let [(a, after), (b, before)] = &sides[..] else {
-                bail!("two sides")
+            };
+            let inwards = if at[number] > 0.5 { -CHANGE } else { CHANGE };
+            let other = match here {
+                Some(here) => Some((at[number], here.to_vec())),
+                None => beside(-inwards)?,
+            };
+            let (Some((a, after)), Some((b, before))) = (beside(inwards)?, other) else {
+                return Ok(None);
             };
             let pairs = after.iter().zip(before);
-            changes.push(
-                pairs
-                    .flat_map(|(after, before)| ((*after - *before) / (a - b)).to_array())
-                    .collect(),
-            );
+            let coordinates =
+                pairs.flat_map(|(after, before)| ((*after - before) / (a - b)).to_array());
+            changes.push(coordinates.collect());
         }
         Ok(Some(changes))
+    }
+}
+
+/// A search under way.
+struct Search<'a, 'r, 'e> {
+    fit: &'a Fit<'a>,
+    task: &'a Task<'r, 'e>,
+    /// Forward and backward.
+    runs: [usize; 2],
+    failed: Vec<anyhow::Error>,
+    /// The value at the first place.
+    first: Option<f64>,
+    /// The last place that was reached, its value and its misses.
+    last: Option<(Vec<f64>, f64, Vec<DVec3>)>,
+}
+
+impl Landscape for Search<'_, '_, '_> {
+    fn look(&mut self, at: &[f64], bound: f64) -> Result<Look> {
+        if self.runs[0] >= self.fit.order.runs {
+            return Ok(Look::Stop);
+        }
+        self.runs[0] += 1;
+        let mut made = match self.fit.run(at, true, self.task) {
+            Ran::Stopped => return Ok(Look::Stop),
+            Ran::Failed(error) => {
+                self.failed.push(error);
+                return Ok(Look::Failed);
+            }
+            Ran::Done(made) => made,
+        };
+        let value = mean_square(&made.misses);
+        tracing::debug!("run {}: {value:.6} mm² at {at:?}", self.runs[0]);
+        if value > bound {
+            return Ok(Look::Above(value));
+        }
+        self.task.note(&format!("{:.3} mm off", value.sqrt()));
+        self.runs[1] += 1;
+        let slope = match self.fit.slope(at, &mut made) {
+            Ok(slope) => slope,
+            Err(error) => {
+                self.failed.push(error);
+                return Ok(Look::Failed);
+            }
+        };
+        self.first.get_or_insert(value);
+        self.last = Some((at.to_vec(), value, made.misses));
+        Ok(Look::Reached(Point {
+            at: at.to_vec(),
+            value,
+            slope,
+        }))
+    }
+
+    /// The Gauss-Newton matrix of few numbers, by a run for each; none of many, or where one fails.
+    fn metric(&mut self) -> Result<Option<Metric>> {
+        let Some((at, value, misses)) = self.last.as_ref().filter(|last| last.0.len() <= FEW)
+        else {
+            return Ok(None);
+        };
+        let changes = self.fit.changes(at, Some(misses), self.task);
+        self.runs[0] += at.len();
+        // The value is a mean of squares in mm².
+        let unit = (1e-6 * 1.5 * misses.len() as f64).sqrt();
+        // What is noise is no fault of the numbers.
+        let noise = 1e6 * self.fit.order.noise.unwrap_or(0.0).powi(2);
+        let fault = (value - noise).max(0.01 * value);
+        let metric = |changes: Vec<Vec<f64>>| Metric::of(told::gauss_newton(&changes, unit), fault);
+        Ok(changes.ok().flatten().map(metric))
     }
 }
 
@@ -369,47 +444,28 @@ pub fn fit(order: &Order, on_event: &mut OnEvent<'_>) -> Result<Option<Fitted>> 
             0 => order.numbers.iter().map(Number::part).collect(),
             _ => order.numbers.iter().map(|_| rng.random()).collect(),
         };
-        let (mut runs, mut began) = ([0; 2], None);
-        let found = search::search(first, &mut |at, bound| {
-            if runs[0] == order.runs {
-                return Ok(Look::Stop);
-            }
-            let mut made = match fit.run(at, true, &task) {
-                Ran::Stopped => return Ok(Look::Stop),
-                Ran::Failed(error) => {
-                    (runs[0], failed) = (runs[0] + 1, failed + 1);
-                    why.get_or_insert(error);
-                    return Ok(Look::Failed);
-                }
-                Ran::Done(made) => made,
-            };
-            runs[0] += 1;
-            let value = mean_square(&made.misses);
-            if value > bound {
-                return Ok(Look::Above(value));
-            }
-            task.note(&format!("{:.3} mm off", value.sqrt()));
-            runs[1] += 1;
-            let slope = match fit.slope(at, &mut made) {
-                Ok(slope) => slope,
-                Err(error) => {
-                    failed += 1;
-                    why.get_or_insert(error);
-                    return Ok(Look::Failed);
-                }
-            };
-            began.get_or_insert(value);
-            Ok(Look::Reached(Point {
-                at: at.to_vec(),
-                value,
-                slope,
-            }))
-        })?;
-        let both = began
+        let mut under_way = Search {
+            fit: &fit,
+            task: &task,
+            runs: [0; 2],
+            failed: Vec::new(),
+            first: None,
+            last: None,
+        };
+        let found = search::search(first, &mut under_way)?;
+        let Search {
+            runs,
+            first,
+            failed: errors,
+            ..
+        } = under_way;
+        let both = first
             .zip(found.as_ref())
-            .map(|(began, found)| [began, found.value]);
+            .map(|(value, found)| [value, found.value]);
         let rms = both.map(|both| both.map(|value| 1e-3 * value.sqrt()));
         searches.push(SearchEnd { rms, runs });
+        failed += errors.len();
+        why = why.or(errors.into_iter().next());
         if let Some(found) = found
             && best.as_ref().is_none_or(|best| found.value < best.value)
         {
@@ -435,7 +491,7 @@ pub fn fit(order: &Order, on_event: &mut OnEvent<'_>) -> Result<Option<Fitted>> 
     let noise = order.noise.unwrap_or(1e-3 * left).max(f64::MIN_POSITIVE);
     let told = match task.is_stopped() {
         true => None,
-        false => fit.changes(&best.at, &task)?,
+        false => fit.changes(&best.at, None, &task)?,
     };
     let told = told.map(|changes| told::directions(&changes, noise));
     let end = if told.is_some() { End::Complete } else { End::Interrupted };

@@ -21,14 +21,7 @@ pub struct Direction {
 /// The eigenvectors of JᵀJ/σ², the best told first, and the standard error of each number in parts of its
 /// bounds. `changes` has J by columns, `[numbers][coordinates]`; σ is `noise`. `[eq:gauss-newton]`
 pub(super) fn directions(changes: &[Vec<f64>], noise: f64) -> (Vec<Direction>, Vec<Option<f64>>) {
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    let row = |a: &Vec<f64>| {
-        changes
-            .iter()
-            .map(|b| dot(a, b) / (noise * noise))
-            .collect()
-    };
-    let mut found = eigen(changes.iter().map(row).collect());
+    let mut found = eigen(gauss_newton(changes, noise));
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
     let largest = found.first().map_or(0.0, |first| first.0);
     let directions: Vec<Direction> = found
@@ -57,8 +50,20 @@ pub(super) fn directions(changes: &[Vec<f64>], noise: f64) -> (Vec<Direction>, V
     (directions, errors)
 }
 
+/// JᵀJ/σ².
+pub(super) fn gauss_newton(changes: &[Vec<f64>], noise: f64) -> Vec<Vec<f64>> {
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let row = |a: &Vec<f64>| {
+        changes
+            .iter()
+            .map(|b| dot(a, b) / (noise * noise))
+            .collect()
+    };
+    changes.iter().map(row).collect()
+}
+
 /// Eigenvalues and eigenvectors of a symmetric matrix, by rotations (Jacobi 1846).
-fn eigen(mut a: Vec<Vec<f64>>) -> Vec<(f64, Vec<f64>)> {
+pub(super) fn eigen(mut a: Vec<Vec<f64>>) -> Vec<(f64, Vec<f64>)> {
     let n = a.len();
     // Rows are the vectors.
     let mut vectors: Vec<Vec<f64>> = (0..n)
