@@ -30,7 +30,7 @@ pub use self::told::Direction;
 use crate::event::{End, Event, OnEvent, Reporter, Task};
 
 /// Part of the bounds by which numbers are changed for the Gauss-Newton matrix.
-const CHANGE: f64 = 1e-3;
+const CHANGE: f64 = 1e-2;
 /// Numbers up to which a search begins with the Gauss-Newton matrix.
 const FEW: usize = 12;
 

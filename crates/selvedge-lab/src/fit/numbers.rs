@@ -52,6 +52,17 @@ pub(super) struct MotionFile {
     rotation_deg: Bounds,
     /// Numbers of the keyframes of each group; all where there are none.
     keyframes: Option<Vec<usize>>,
+    /// Axes of the translations; all where there are none.
+    axes: Option<Vec<Axis>>,
+}
+
+/// An axis of the world.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Axis {
+    X,
+    Y,
+    Z,
 }
 
 /// A number that is to be found.
@@ -450,11 +461,13 @@ pub(super) fn numbers(
                         group.keyframes.len()
                     );
                 };
-                for (axis, letter) in ["x", "y", "z"].iter().enumerate() {
+                let axes = motion.axes.clone();
+                for axis in axes.unwrap_or_else(|| vec![Axis::X, Axis::Y, Axis::Z]) {
                     let Some(bounds) = motion.translation else {
                         break;
                     };
-                    let name = format!("motion.translation of group {g}, keyframe {k}, {letter}");
+                    let name = format!("motion.translation of group {g}, keyframe {k}, {axis:?}");
+                    let axis = axis as usize;
                     add(
                         name,
                         "m",

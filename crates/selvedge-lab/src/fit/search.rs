@@ -16,7 +16,7 @@ const ENOUGH: f64 = 1e-4;
 const FALLEN: f64 = 0.1;
 /// Steps that are tried along a direction, and the relative fall below which two steps end the search.
 const TRIES: usize = 8;
-const STILL: f64 = 1e-4;
+const STILL: f64 = 1e-3;
 
 /// A place in the box of [0, 1], its value, and the derivatives of that.
 #[derive(Clone, Debug)]
