@@ -10,7 +10,7 @@ mod told;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, anyhow, ensure};
+use anyhow::{Context, Error, Result, anyhow, ensure};
 use glam::{DVec3, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -22,16 +22,16 @@ use selvedge_sim::{SagError, Simulator, sag_gradient, sag_with_progress};
 use serde::{Deserialize, Serialize};
 
 pub use self::numbers::Number;
-use self::numbers::{EnvironmentFile, MaterialFile, MotionFile, StartFile, Trial};
+use self::numbers::{Bounds, Trial};
 pub use self::report::write;
-use self::search::{Landscape, Look, Metric, Point};
+use self::search::{Landscape, Look, Metric, Point, search};
 use self::seen::{Mark, SeenFile};
 pub use self::told::Direction;
 use crate::event::{End, Event, OnEvent, Reporter, Task};
 
 /// Part of the bounds by which numbers are changed for the Gauss-Newton matrix.
 const CHANGE: f64 = 1e-2;
-/// Numbers up to which a search begins with the Gauss-Newton matrix.
+/// Numbers up to which a search begins with that matrix.
 const FEW: usize = 12;
 
 /// An order as people write it.
@@ -47,13 +47,13 @@ struct OrderFile {
     runs: usize,
     data: SeenFile,
     #[serde(default)]
-    material: MaterialFile,
+    material: Bounds,
     #[serde(default)]
-    environment: EnvironmentFile,
+    environment: Bounds,
     #[serde(default)]
-    start: StartFile,
+    start: Bounds,
     #[serde(default)]
-    motion: MotionFile,
+    motion: Bounds,
 }
 
 fn one() -> usize {
@@ -70,8 +70,7 @@ pub struct Order {
     pub loaded: LoadedScene,
     /// The numbers that are to be found.
     pub numbers: Vec<Number>,
-    /// The files that were read.
-    pub files: Vec<PathBuf>,
+    /// In order of their frames.
     marks: Vec<Mark>,
     noise: Option<f64>,
     seed: u64,
@@ -85,44 +84,45 @@ impl Order {
     /// # Errors
     /// Names the file, the field and what is wrong with it.
     pub fn read(path: &Path) -> Result<Self> {
-        let name = || path.display().to_string();
-        let text = selvedge_data::read_text(path).with_context(name)?;
-        let file: OrderFile = toml::from_str(&text).with_context(name)?;
-        let folder = path.parent().unwrap_or(Path::new(""));
-        let beside = folder.join(&file.scene);
-        let scene = if beside.is_file() {
-            beside.to_string_lossy().into_owned()
-        } else {
-            file.scene.clone()
-        };
-        let loaded = open_scene(&scene).with_context(|| format!("{}: scene", name()))?;
-        ensure!(
-            (1..=1000).contains(&file.starts) && (1..=100_000).contains(&file.runs),
-            "{}: starts must be 1 to 1000, and runs 1 to 100000; found {} and {}",
-            name(),
-            file.starts,
-            file.runs
-        );
+        Self::of_file(path).with_context(|| path.display().to_string())
+    }
+
+    fn of_file(path: &Path) -> Result<Self> {
+        let text = selvedge_data::read_text(path).context("could not be read")?;
         let OrderFile {
+            scene,
+            seed,
+            starts,
+            runs,
+            data,
             material,
             environment,
             start,
             motion,
-            ..
-        } = &file;
-        let numbers = numbers::numbers(&loaded.scene, material, environment, start, motion);
-        let (seen, marks) = file.data.read(folder, &loaded.scene).with_context(name)?;
-        let mut files = loaded.files.clone();
-        files.extend([path.to_owned(), seen]);
+        } = toml::from_str(&text)?;
+        let is_some = (1..=1000).contains(&starts) && (1..=100_000).contains(&runs);
+        ensure!(
+            is_some,
+            "starts must be 1 to 1000, runs 1 to 100000; found {starts} and {runs}"
+        );
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let beside = folder.join(&scene);
+        let name = if beside.is_file() { beside.to_string_lossy() } else { scene.into() };
+        let loaded = open_scene(&name).context("scene")?;
+        let parts = [
+            ("material", &material),
+            ("environment", &environment),
+            ("start", &start),
+            ("motion", &motion),
+        ];
         Ok(Self {
-            numbers: numbers.with_context(name)?,
+            numbers: numbers::numbers(&loaded.scene, parts)?,
+            marks: data.read(folder, &loaded.scene).context("data")?,
             loaded,
-            files,
-            marks,
-            noise: file.data.noise,
-            seed: file.seed,
-            starts: file.starts,
-            runs: file.runs,
+            noise: data.noise,
+            seed,
+            starts,
+            runs,
         })
     }
 
@@ -133,15 +133,10 @@ impl Order {
             .map(|(number, part)| number.at(*part))
             .collect()
     }
-
-    /// Frames after the start in which something was seen.
-    fn frames(&self) -> usize {
-        self.marks.last().map_or(0, |mark| mark.frame)
-    }
 }
 
 /// A number that was found.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Found {
     /// The number.
     #[serde(flatten)]
@@ -152,16 +147,6 @@ pub struct Found {
     pub error: Option<f64>,
     /// True where it is at one of its bounds.
     pub is_at_bound: bool,
-}
-
-/// The end of one search.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct SearchEnd {
-    /// Root mean square distance of a coordinate at its start and at its end `[m]`; none where the
-    /// solver failed at the start.
-    pub rms: Option<[f64; 2]>,
-    /// Runs forward and backward.
-    pub runs: [usize; 2],
 }
 
 /// What a fit has found.
@@ -176,8 +161,11 @@ pub struct Fitted {
     pub noise: f64,
     /// Marks that were fitted.
     pub marks: usize,
-    /// Searches, the scene's own start first.
-    pub searches: Vec<SearchEnd>,
+    /// That distance at the start and the end of each search `[m]`, the scene's own start first; none
+    /// of one that failed.
+    pub searches: Vec<Option<[f64; 2]>>,
+    /// Runs of all searches: forward, and of these also backward.
+    pub runs: [usize; 2],
     /// Runs that failed.
     pub failed: usize,
     /// Combinations of numbers, the best told first; none after an interruption.
@@ -188,7 +176,7 @@ pub struct Fitted {
     /// Where its motion begins.
     #[serde(skip)]
     pub start: Checkpoint,
-    /// Positions of its run `[m]`, `[frames + 1][vertices]`, as far as something was seen.
+    /// Positions of its run `[m]`, `[frames + 1][vertices]`, up to the last mark.
     #[serde(skip)]
     pub positions: Vec<Vec3>,
     /// The end that the fit came to.
@@ -206,38 +194,37 @@ struct Made {
     positions: Vec<Vec3>,
 }
 
-enum Ran {
-    Stopped,
-    Failed(anyhow::Error),
-    Done(Box<Made>),
+/// Mean square of the coordinates `[mm²]`.
+fn mean_square(misses: &[DVec3]) -> f64 {
+    1e6 * misses.iter().map(|miss| miss.length_squared()).sum::<f64>() / (3.0 * misses.len() as f64)
 }
 
-struct Fit<'a> {
+/// A fit under way.
+struct Fit<'a, 'r, 'e> {
     order: &'a Order,
     /// Where the motion begins; none in the rest pose, which moves with the fabric.
     start: Option<Checkpoint>,
+    task: Task<'r, 'e>,
+    runs: [usize; 2],
+    /// Runs forward after which this search ends.
+    most: usize,
+    failures: Vec<Error>,
+    /// The value where this search began.
+    first: Option<f64>,
+    /// The last place that was reached, and its misses.
+    last: (Vec<f64>, Vec<DVec3>),
 }
 
-impl Fit<'_> {
-    fn run(&self, at: &[f64], records: bool, task: &Task<'_, '_>) -> Ran {
-        let made = self.make(at, records, task);
-        // Where it is to stop, the next frame hears of it.
-        let _ = task.advance();
-        match made {
-            Ok(Some(made)) => Ran::Done(Box::new(made)),
-            Ok(None) => Ran::Stopped,
-            Err(error) => Ran::Failed(error),
-        }
-    }
-
-    fn make(&self, at: &[f64], records: bool, task: &Task<'_, '_>) -> Result<Option<Made>> {
-        let order = self.order;
+impl Fit<'_, '_, '_> {
+    /// Makes a run; none where it was stopped.
+    fn run(&self, at: &[f64], records: bool) -> Result<Option<Made>> {
+        let (order, is_stopped) = (self.order, || self.task.is_stopped());
         let trial = Trial::of(&order.loaded.scene, &order.numbers, &order.values(at));
-        let flow =
-            || if task.is_stopped() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+        let mut flow =
+            |_| if is_stopped() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
         let start = match &self.start {
             Some(start) => start.clone(),
-            None => match sag_with_progress(&trial.scene, &mut |_| flow()) {
+            None => match sag_with_progress(&trial.scene, &mut flow) {
                 Err(SagError::Stopped { .. }) => return Ok(None),
                 found => Checkpoint::at_rest(found.context("the rest pose")?.positions),
             },
@@ -248,22 +235,19 @@ impl Fit<'_> {
             solver.record_gradient(GradientSettings::default())?;
         }
         let mut path = trial.scene.handle_path()?;
-        let mut positions = rounded(&start.positions);
-        let mut misses = Vec::with_capacity(order.marks.len());
-        let mut marks = order.marks.iter().peekable();
-        for frame in 0..=order.frames() {
+        let (mut positions, mut misses) = (rounded(&start.positions), Vec::new());
+        for (frame, marks) in (0..).zip(by_frame(&order.marks)) {
+            if is_stopped() {
+                return Ok(None);
+            }
             if frame > 0 {
-                if task.is_stopped() {
-                    return Ok(None);
-                }
-                let targets = path.next(&solver, trial.scene.physics.substeps as usize)?;
-                solver.step(&targets)?;
+                solver.step(&path.next(&solver, trial.scene.physics.substeps as usize)?)?;
                 positions.extend_from_slice(solver.positions());
             }
-            while let Some(mark) = marks.next_if(|mark| mark.frame == frame) {
-                misses.push(solver.positions_f64()[mark.vertex] - mark.place());
-            }
+            let places = solver.positions_f64();
+            misses.extend(marks.iter().map(|mark| places[mark.vertex] - mark.place()));
         }
+        let _ = self.task.advance();
         Ok(Some(Made {
             solver,
             trial,
@@ -275,11 +259,12 @@ impl Fit<'_> {
 
     /// The derivatives of the value by the parts of the numbers.
     fn slope(&self, at: &[f64], made: &mut Made) -> Result<Vec<f64>> {
-        let order = self.order;
-        let scale = 2e6 / (3.0 * made.misses.len() as f64);
-        let mut left = order.marks.iter().zip(&made.misses).rev().peekable();
+        let marks = &self.order.marks;
+        let scale = 2e6 / (3.0 * marks.len() as f64);
         let mut by = made.solver.backward(&mut |frame, by| {
-            while let Some((mark, miss)) = left.next_if(|(mark, _)| mark.frame == frame) {
+            let first = marks.partition_point(|mark| mark.frame < frame);
+            let seen = marks[first..].iter().zip(&made.misses[first..]);
+            for (mark, miss) in seen.take_while(|(mark, _)| mark.frame == frame) {
                 by.positions[mark.vertex] += *miss * scale;
             }
         })?;
@@ -289,132 +274,113 @@ impl Fit<'_> {
                 &made.start.positions,
                 &by.start.positions,
             )?;
-            for (sum, rest) in by.materials.iter_mut().zip(rest.materials) {
-                sum.density += rest.density;
-                let tables = [
-                    (sum.stretch.as_flattened_mut(), rest.stretch.as_flattened()),
-                    (sum.bend.as_flattened_mut(), rest.bend.as_flattened()),
-                ];
-                for (sums, rest) in tables {
-                    sums.iter_mut().zip(rest).for_each(|(sum, by)| *sum += by);
-                }
-            }
+            let add = |sums: &mut [f64], by: &[f64]| {
+                sums.iter_mut().zip(by).for_each(|(sum, by)| *sum += by)
+            };
+            let (sum, rest) = (&mut by.materials[0], &rest.materials[0]);
+            sum.density += rest.density;
+            add(sum.stretch.as_flattened_mut(), rest.stretch.as_flattened());
+            add(sum.bend.as_flattened_mut(), rest.bend.as_flattened());
         }
-        let pairs = order.numbers.iter().zip(order.values(at));
-        pairs
-            .map(|(number, value)| {
-                Ok(number.slope(value, &made.trial, &made.start, &by)? * number.rate(value))
-            })
-            .collect()
+        let pairs = self.order.numbers.iter().zip(self.order.values(at));
+        let slope = |(number, value): (&Number, f64)| {
+            number.slope(value, &made.trial, &made.start, &by) * number.rate(value)
+        };
+        Ok(pairs.map(slope).collect())
     }
 
     /// How the misses change with each number, in parts of its bounds: `[numbers][coordinates]`, from
-    /// those `here` on, or else to both sides. None where it was stopped.
-    fn changes(
-        &self,
-        at: &[f64],
-        here: Option<&[DVec3]>,
-        task: &Task<'_, '_>,
-    ) -> Result<Option<Vec<Vec<f64>>>> {
+    /// those `here` on or, without them, to both sides. None where it was stopped.
+    fn changes(&self, at: &[f64], here: Option<&[DVec3]>) -> Result<Option<Vec<Vec<f64>>>> {
         let mut changes = Vec::new();
         for number in 0..at.len() {
-            let beside = |step: f64| {
+            let beside = |step: f64| -> Result<Option<(f64, Vec<DVec3>)>> {
                 let mut moved = at.to_vec();
                 moved[number] = (at[number] + step).clamp(0.0, 1.0);
-                match self.run(&moved, false, task) {
-                    Ran::Stopped => Ok(None),
-                    Ran::Failed(error) => Err(error.context("a change of the numbers")),
-                    Ran::Done(made) => Ok(Some((moved[number], made.misses))),
-                }
+                let made = self.run(&moved, false).context("a change of the numbers")?;
+                Ok(made.map(|made| (moved[number], made.misses)))
             };
-            let inwards = if at[number] > 0.5 { -CHANGE } else { CHANGE };
+            let step = if at[number] > 0.5 { -CHANGE } else { CHANGE };
             let other = match here {
                 Some(here) => Some((at[number], here.to_vec())),
-                None => beside(-inwards)?,
+                None => beside(-step)?,
             };
-            let (Some((a, after)), Some((b, before))) = (beside(inwards)?, other) else {
+            let (Some((a, after)), Some((b, before))) = (beside(step)?, other) else {
                 return Ok(None);
             };
             let pairs = after.iter().zip(before);
-            let coordinates =
-                pairs.flat_map(|(after, before)| ((*after - before) / (a - b)).to_array());
-            changes.push(coordinates.collect());
+            changes.push(
+                pairs
+                    .flat_map(|(x, y)| ((*x - y) / (a - b)).to_array())
+                    .collect(),
+            );
         }
         Ok(Some(changes))
     }
+
+    fn fails(&mut self, error: Error) -> Look {
+        tracing::debug!("{error:#}");
+        self.failures.push(error);
+        Look::Failed
+    }
 }
 
-/// A search under way.
-struct Search<'a, 'r, 'e> {
-    fit: &'a Fit<'a>,
-    task: &'a Task<'r, 'e>,
-    /// Forward and backward.
-    runs: [usize; 2],
-    failed: Vec<anyhow::Error>,
-    /// The value at the first place.
-    first: Option<f64>,
-    /// The last place that was reached, its value and its misses.
-    last: Option<(Vec<f64>, f64, Vec<DVec3>)>,
+/// The marks of each frame, from 0 to the last one that has any.
+fn by_frame(marks: &[Mark]) -> impl Iterator<Item = &[Mark]> {
+    let frames = marks.last().map_or(0, |mark| mark.frame + 1);
+    let before = |frame| marks.partition_point(|mark| mark.frame < frame);
+    (0..frames).map(move |frame| &marks[before(frame)..before(frame + 1)])
 }
 
-impl Landscape for Search<'_, '_, '_> {
-    fn look(&mut self, at: &[f64], bound: f64) -> Result<Look> {
-        if self.runs[0] >= self.fit.order.runs {
-            return Ok(Look::Stop);
+impl Landscape for Fit<'_, '_, '_> {
+    fn look(&mut self, at: &[f64], bound: f64) -> Look {
+        if self.runs[0] >= self.most {
+            return Look::Stop;
         }
         self.runs[0] += 1;
-        let mut made = match self.fit.run(at, true, self.task) {
-            Ran::Stopped => return Ok(Look::Stop),
-            Ran::Failed(error) => {
-                self.failed.push(error);
-                return Ok(Look::Failed);
-            }
-            Ran::Done(made) => made,
+        let mut made = match self.run(at, true) {
+            Ok(Some(made)) => made,
+            Ok(None) => return Look::Stop,
+            Err(error) => return self.fails(error),
         };
         let value = mean_square(&made.misses);
-        tracing::debug!("run {}: {value:.6} mm² at {at:?}", self.runs[0]);
+        tracing::debug!("run {}: {:.4} mm at {at:?}", self.runs[0], value.sqrt());
         if value > bound {
-            return Ok(Look::Above(value));
+            return Look::Above(value);
         }
         self.task.note(&format!("{:.3} mm off", value.sqrt()));
         self.runs[1] += 1;
-        let slope = match self.fit.slope(at, &mut made) {
-            Ok(slope) => slope,
-            Err(error) => {
-                self.failed.push(error);
-                return Ok(Look::Failed);
+        match self.slope(at, &mut made) {
+            Err(error) => self.fails(error),
+            Ok(slope) => {
+                self.first.get_or_insert(value);
+                self.last = (at.to_vec(), made.misses);
+                Look::Reached(Point {
+                    at: at.to_vec(),
+                    value,
+                    slope,
+                })
             }
-        };
-        self.first.get_or_insert(value);
-        self.last = Some((at.to_vec(), value, made.misses));
-        Ok(Look::Reached(Point {
-            at: at.to_vec(),
-            value,
-            slope,
-        }))
+        }
     }
 
-    /// The Gauss-Newton matrix of few numbers, by a run for each; none of many, or where one fails.
-    fn metric(&mut self) -> Result<Option<Metric>> {
-        let Some((at, value, misses)) = self.last.as_ref().filter(|last| last.0.len() <= FEW)
-        else {
-            return Ok(None);
-        };
-        let changes = self.fit.changes(at, Some(misses), self.task);
-        self.runs[0] += at.len();
-        // The value is a mean of squares in mm².
-        let unit = (1e-6 * 1.5 * misses.len() as f64).sqrt();
+    /// The Gauss-Newton matrix of few numbers; of many, or where a run fails, what the value says alone.
+    fn metric(&mut self) -> Metric {
+        let (at, misses) = &self.last;
+        let value = mean_square(misses);
         // What is noise is no fault of the numbers.
-        let noise = 1e6 * self.fit.order.noise.unwrap_or(0.0).powi(2);
+        let noise = 1e6 * self.order.noise.unwrap_or(0.0).powi(2);
         let fault = (value - noise).max(0.01 * value);
-        let metric = |changes: Vec<Vec<f64>>| Metric::of(told::gauss_newton(&changes, unit), fault);
-        Ok(changes.ok().flatten().map(metric))
+        let mut matrix = vec![vec![0.0; at.len()]; at.len()];
+        if at.len() <= FEW
+            && let Ok(Some(changes)) = self.changes(at, Some(misses))
+        {
+            // The value is a mean of squares in mm².
+            matrix = told::gauss_newton(&changes, (1.5e-6 * misses.len() as f64).sqrt());
+            self.runs[0] += at.len();
+        }
+        Metric::of(matrix, fault)
     }
-}
-
-/// Mean square of the coordinates `[mm²]`.
-fn mean_square(misses: &[DVec3]) -> f64 {
-    1e6 * misses.iter().map(|miss| miss.length_squared()).sum::<f64>() / (3.0 * misses.len() as f64)
 }
 
 /// Fits the numbers of an order: so many searches, the first from the scene's own numbers, the others from
@@ -426,88 +392,71 @@ fn mean_square(misses: &[DVec3]) -> f64 {
 pub fn fit(order: &Order, on_event: &mut OnEvent<'_>) -> Result<Option<Fitted>> {
     let reporter = Reporter::new(on_event);
     let scene = selvedge::Scene::from(order.loaded.clone());
-    let start = match scene.begins_at_rest() {
-        true => None,
-        false => Some(scene.start(&mut reporter.listener())?.state),
+    let is_at_rest = scene.begins_at_rest();
+    let start = (!is_at_rest)
+        .then(|| scene.start(&mut reporter.listener()))
+        .transpose()?;
+    let what = format!("fitting {}", order.loaded.scene.name);
+    let mut fit = Fit {
+        order,
+        start: start.map(|start| start.state),
+        task: reporter.count(&what, order.starts * order.runs, "runs at most"),
+        runs: [0; 2],
+        most: 0,
+        failures: Vec::new(),
+        first: None,
+        last: Default::default(),
     };
-    let fit = Fit { order, start };
     let mut rng = ChaCha8Rng::seed_from_u64(order.seed);
-    let (mut best, mut searches): (Option<Point>, Vec<SearchEnd>) = (None, Vec::new());
-    let (mut failed, mut why) = (0, None);
-    let task = reporter.count(
-        &format!("fitting {}", order.loaded.scene.name),
-        order.starts * order.runs,
-        "runs at most",
-    );
+    let (mut best, mut searches): (Option<Point>, _) = (None, Vec::new());
     for number in 0..order.starts {
+        let numbers = order.numbers.iter();
         let first: Vec<f64> = match number {
-            0 => order.numbers.iter().map(Number::part).collect(),
-            _ => order.numbers.iter().map(|_| rng.random()).collect(),
+            0 => numbers.map(Number::part).collect(),
+            _ => numbers.map(|_| rng.random()).collect(),
         };
-        let mut under_way = Search {
-            fit: &fit,
-            task: &task,
-            runs: [0; 2],
-            failed: Vec::new(),
-            first: None,
-            last: None,
-        };
-        let found = search::search(first, &mut under_way)?;
-        let Search {
-            runs,
-            first,
-            failed: errors,
-            ..
-        } = under_way;
-        let both = first
+        fit.most = fit.runs[0] + order.runs;
+        fit.first = None;
+        let found = search(first, &mut fit);
+        let both = fit
+            .first
             .zip(found.as_ref())
-            .map(|(value, found)| [value, found.value]);
-        let rms = both.map(|both| both.map(|value| 1e-3 * value.sqrt()));
-        searches.push(SearchEnd { rms, runs });
-        failed += errors.len();
-        why = why.or(errors.into_iter().next());
-        if let Some(found) = found
-            && best.as_ref().is_none_or(|best| found.value < best.value)
-        {
-            best = Some(found);
-        }
-        if task.is_stopped() {
+            .map(|(from, to)| [from, to.value]);
+        searches.push(both.map(|both| both.map(|value| 1e-3 * value.sqrt())));
+        best = best
+            .into_iter()
+            .chain(found)
+            .min_by(|a, b| a.value.total_cmp(&b.value));
+        if fit.task.is_stopped() {
             break;
         }
     }
-    drop(task);
     let Some(best) = best else {
-        return match why {
-            Some(why) => Err(why.context("the solver fails where the searches begin")),
-            None => Ok(None),
-        };
+        let why = fit.failures.into_iter().next();
+        return why.map_or(Ok(None), |why| Err(why.context("where the searches begin")));
     };
-    let numbers = order.numbers.len();
-    let coordinates = 3 * order.marks.len();
-    let task = reporter.count("looking at what the data tell", 2 * numbers + 1, "runs");
-    let left = (best.value * coordinates as f64
-        / coordinates.saturating_sub(numbers).max(1) as f64)
-        .sqrt();
-    let noise = order.noise.unwrap_or(1e-3 * left).max(f64::MIN_POSITIVE);
-    let told = match task.is_stopped() {
-        true => None,
-        false => fit.changes(&best.at, None, &task)?,
-    };
-    let told = told.map(|changes| told::directions(&changes, noise));
-    let end = if told.is_some() { End::Complete } else { End::Interrupted };
+    let (numbers, coordinates) = (order.numbers.len(), 3 * order.marks.len());
+    fit.task = reporter.count("looking at what the data tell", 2 * numbers, "runs");
+    let freedom = coordinates.saturating_sub(numbers).max(1);
+    let left = 1e-3 * (best.value * coordinates as f64 / freedom as f64).sqrt();
+    let noise = order.noise.unwrap_or(left).max(f64::MIN_POSITIVE);
+    let changes = if fit.task.is_stopped() { None } else { fit.changes(&best.at, None)? };
+    let (directions, errors) = changes
+        .map(|changes| told::directions(&changes, noise))
+        .unzip();
+    let errors = errors.unwrap_or_else(|| vec![None; numbers]);
     // The last run is made whatever is asked: its files belong to the numbers.
     let mut deaf = |_: Event<'_>| ControlFlow::Continue(());
-    let quiet = Reporter::new(&mut deaf);
-    let made = fit.make(&best.at, false, &quiet.count("", 1, ""))?;
-    let made = made.ok_or_else(|| anyhow!("the last run was stopped"))?;
-    let (directions, errors) = told.unzip();
-    let errors = errors.unwrap_or_else(|| vec![None; numbers]);
-    let values = order.values(&best.at);
-    let found = order
-        .numbers
-        .iter()
-        .zip(values)
-        .zip(best.at.iter().zip(errors));
+    let deaf = Reporter::new(&mut deaf);
+    let last = Fit {
+        task: deaf.count("", 1, ""),
+        ..fit
+    };
+    let made = last
+        .run(&best.at, false)?
+        .ok_or_else(|| anyhow!("the last run was stopped"))?;
+    let values = order.numbers.iter().zip(order.values(&best.at));
+    let found = values.zip(best.at.iter().zip(errors));
     let found = found.map(|((number, value), (part, error))| Found {
         error: error.map(|error| error * number.rate(value)),
         is_at_bound: *part <= 0.0 || *part >= 1.0,
@@ -520,11 +469,12 @@ pub fn fit(order: &Order, on_event: &mut OnEvent<'_>) -> Result<Option<Fitted>> 
         noise,
         marks: order.marks.len(),
         searches,
-        failed,
+        runs: last.runs,
+        failed: last.failures.len(),
+        end: if directions.is_some() { End::Complete } else { End::Interrupted },
         directions,
         scene: made.trial.scene,
         start: made.start,
         positions: made.positions,
-        end,
     }))
 }

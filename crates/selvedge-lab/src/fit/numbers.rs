@@ -1,69 +1,24 @@
 //! The numbers of a scene that are to be found: where each stands in it, its bounds, and what a gradient
 //! says of it.
 
+use std::collections::BTreeMap;
+use std::ops::Range;
+
 use anyhow::{Result, bail, ensure};
 use glam::DVec3;
 use selvedge::Gradient;
 use selvedge_cloth::{Checkpoint, Motion, Scene};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 /// Numbers at most: each takes two runs at the end.
 const MOST: usize = 500;
+/// What an order can name.
+const KNOWN: &str = "material.stretch, stretch_columns, stretch_entries, bend, bend_rows, \
+    bend_entries, density, damping; environment.air_density, air_drag, wind; start.place, velocity, \
+    spin; motion.translation, rotation_deg; of a vector also one axis, as wind_x";
 
-type Bounds = Option<[f64; 2]>;
-
-/// The part `material` of an order. Multipliers are of the scene's own tables.
-#[derive(Clone, Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub(super) struct MaterialFile {
-    stretch: Bounds,
-    bend: Bounds,
-    stretch_columns: Bounds,
-    bend_rows: Bounds,
-    stretch_entries: Bounds,
-    bend_entries: Bounds,
-    density: Bounds,
-    damping: Bounds,
-}
-
-/// The part `environment` of an order.
-#[derive(Clone, Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub(super) struct EnvironmentFile {
-    air_density: Bounds,
-    air_drag: Bounds,
-    wind: Bounds,
-}
-
-/// The part `start` of an order.
-#[derive(Clone, Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub(super) struct StartFile {
-    place: Bounds,
-    velocity: Bounds,
-    spin: Bounds,
-}
-
-/// The part `motion` of an order.
-#[derive(Clone, Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub(super) struct MotionFile {
-    translation: Bounds,
-    rotation_deg: Bounds,
-    /// Numbers of the keyframes of each group; all where there are none.
-    keyframes: Option<Vec<usize>>,
-    /// Axes of the translations; all where there are none.
-    axes: Option<Vec<Axis>>,
-}
-
-/// An axis of the world.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum Axis {
-    X,
-    Y,
-    Z,
-}
+/// Bounds by their keys: a part of an order.
+pub(super) type Bounds = BTreeMap<String, [f64; 2]>;
 
 /// A number that is to be found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -84,39 +39,31 @@ pub struct Number {
 
 #[derive(Clone, Debug, PartialEq)]
 enum What {
-    Stretch(Vec<[usize; 2]>),
-    Bend(Vec<[usize; 2]>),
+    /// A factor of entries of the table of bending or, otherwise, of stretching.
+    Table(bool, Vec<usize>),
     Density,
     Damping,
     AirDensity,
     AirDrag,
     Wind(usize),
-    Place(usize),
-    Velocity(usize),
-    Spin(usize),
-    /// Of a group, a keyframe and an axis.
-    Translation([usize; 3]),
-    Turn([usize; 2]),
+    /// Place, velocity or spin, along an axis.
+    Start(usize, usize),
+    /// Of a group and a keyframe, its translation along an axis or, as the fourth, its angle.
+    Keyframe([usize; 3]),
 }
 
 /// A scene with numbers in their places.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub(super) struct Trial {
     pub(super) scene: Scene,
-    place: DVec3,
-    velocity: DVec3,
-    spin: DVec3,
+    start: [DVec3; 3],
 }
 
 impl Trial {
     /// The scene `base` with these `values`, `[numbers]`.
     pub(super) fn of(base: &Scene, numbers: &[Number], values: &[f64]) -> Self {
-        let mut trial = Self {
-            scene: base.clone(),
-            place: DVec3::ZERO,
-            velocity: DVec3::ZERO,
-            spin: DVec3::ZERO,
-        };
+        let (scene, start) = (base.clone(), [DVec3::ZERO; 3]);
+        let mut trial = Self { scene, start };
         for (number, value) in numbers.iter().zip(values) {
             number.what.set(&mut trial, *value);
         }
@@ -125,15 +72,23 @@ impl Trial {
 
     /// The start `from`, moved and set in motion.
     pub(super) fn begin(&self, from: Checkpoint) -> Checkpoint {
-        if [self.place, self.velocity, self.spin] == [DVec3::ZERO; 3] {
+        let [place, velocity, spin] = self.start;
+        if self.start == [DVec3::ZERO; 3] {
             return from;
         }
-        let middle = middle(&from.positions);
-        let pairs = from.positions.iter().zip(&from.velocities);
-        let velocities = pairs.map(|(p, v)| *v + self.velocity + self.spin.cross(*p - middle));
-        let velocities = velocities.collect();
-        let positions = from.positions.iter().map(|p| *p + self.place).collect();
-        Checkpoint::of(from.frame, positions, velocities)
+        let (
+            Checkpoint {
+                frame, positions, ..
+            },
+            middle,
+        ) = (&from, middle(&from.positions));
+        let moved = |(p, v): (&DVec3, &DVec3)| *v + velocity + spin.cross(*p - middle);
+        let velocities = positions.iter().zip(&from.velocities).map(moved).collect();
+        Checkpoint::of(
+            *frame,
+            positions.iter().map(|p| *p + place).collect(),
+            velocities,
+        )
     }
 }
 
@@ -142,35 +97,52 @@ fn middle(places: &[DVec3]) -> DVec3 {
 }
 
 impl What {
-    fn set(&self, trial: &mut Trial, value: f64) {
-        let (material, air) = (&mut trial.scene.material, &mut trial.scene.environment);
-        match self {
-            Self::Stretch(entries) => entries
-                .iter()
-                .for_each(|&[r, c]| material.stretch.0[r][c] *= value),
-            Self::Bend(entries) => entries
-                .iter()
-                .for_each(|&[r, c]| material.bend.0[r][c] *= value),
-            Self::Density => material.density = value,
-            Self::Damping => material.damping = value,
-            Self::AirDensity => air.air_density = value,
-            Self::AirDrag => air.air_drag = value,
-            Self::Wind(axis) => air.wind[*axis] = value,
-            Self::Place(axis) => trial.place[*axis] = value,
-            Self::Velocity(axis) => trial.velocity[*axis] = value,
-            Self::Spin(axis) => trial.spin[*axis] = value,
-            Self::Translation(_) | Self::Turn(_) => {
-                let Motion::Keyframes(motion) = &mut trial.scene.motion else {
-                    return;
-                };
-                match *self {
-                    Self::Translation([g, k, axis]) => {
-                        motion.groups[g].keyframes[k].translation[axis] = value
+    /// The place of a number that is no factor.
+    fn slot<'a>(&self, trial: &'a mut Trial) -> Option<&'a mut f64> {
+        let Trial { scene, start } = trial;
+        Some(match *self {
+            Self::Table(..) => return None,
+            Self::Density => &mut scene.material.density,
+            Self::Damping => &mut scene.material.damping,
+            Self::AirDensity => &mut scene.environment.air_density,
+            Self::AirDrag => &mut scene.environment.air_drag,
+            Self::Wind(axis) => &mut scene.environment.wind[axis],
+            Self::Start(what, axis) => &mut start[what][axis],
+            Self::Keyframe([group, keyframe, axis]) => match &mut scene.motion {
+                Motion::Keyframes(motion) => {
+                    let keyframe = &mut motion.groups[group].keyframes[keyframe];
+                    if axis < 3 {
+                        &mut keyframe.translation[axis]
+                    } else {
+                        &mut keyframe.rotation_deg
                     }
-                    Self::Turn([g, k]) => motion.groups[g].keyframes[k].rotation_deg = value,
-                    _ => {}
                 }
-            }
+                _ => return None,
+            },
+        })
+    }
+
+    fn set(&self, trial: &mut Trial, value: f64) {
+        if let Some(slot) = self.slot(trial) {
+            *slot = value;
+        } else if let Self::Table(is_bend, entries) = self {
+            let material = &mut trial.scene.material;
+            let table = match is_bend {
+                true => material.bend.0.as_flattened_mut(),
+                false => material.stretch.0.as_flattened_mut(),
+            };
+            entries.iter().for_each(|entry| table[*entry] *= value);
+        }
+    }
+
+    /// Which of several it is.
+    fn which(&self) -> String {
+        let axis = |axis: usize| ["x", "y", "z", ""][axis];
+        match self {
+            Self::Table(_, entries) => format!("{}", entries[0]),
+            Self::Wind(a) | Self::Start(_, a) => axis(*a).to_owned(),
+            Self::Keyframe([g, k, a]) => format!("group {g} keyframe {k} {}", axis(*a)),
+            _ => String::new(),
         }
     }
 }
@@ -208,296 +180,169 @@ impl Number {
         trial: &Trial,
         start: &Checkpoint,
         by: &Gradient,
-    ) -> Result<f64> {
+    ) -> f64 {
         let (material, fabric) = (&by.materials[0], &trial.scene.material);
-        Ok(match &self.what {
-            What::Stretch(entries) => {
-                let one = |&[r, c]: &[usize; 2]| material.stretch[r][c] * fabric.stretch.0[r][c];
-                entries.iter().map(one).sum::<f64>() / value
-            }
-            What::Bend(entries) => {
-                let one = |&[r, c]: &[usize; 2]| material.bend[r][c] * fabric.bend.0[r][c];
-                entries.iter().map(one).sum::<f64>() / value
+        match self.what {
+            What::Table(is_bend, ref entries) => {
+                let (slopes, table) = match is_bend {
+                    true => (material.bend.as_flattened(), fabric.bend.0.as_flattened()),
+                    false => (
+                        material.stretch.as_flattened(),
+                        fabric.stretch.0.as_flattened(),
+                    ),
+                };
+                entries
+                    .iter()
+                    .map(|entry| slopes[*entry] * table[*entry])
+                    .sum::<f64>()
+                    / value
             }
             What::Density => material.density,
             What::Damping => material.damping,
             What::AirDensity => by.air_density,
             What::AirDrag => by.air_drag,
-            What::Wind(axis) => by.wind[*axis],
-            What::Place(axis) => by.start.positions.iter().sum::<DVec3>()[*axis],
-            What::Velocity(axis) => by.start.velocities.iter().sum::<DVec3>()[*axis],
-            What::Spin(axis) => {
+            What::Wind(axis) => by.wind[axis],
+            What::Start(0, axis) => by.start.positions.iter().sum::<DVec3>()[axis],
+            What::Start(1, axis) => by.start.velocities.iter().sum::<DVec3>()[axis],
+            What::Start(_, axis) => {
                 let middle = middle(&start.positions);
                 let pairs = start.positions.iter().zip(&by.start.velocities);
-                pairs.map(|(p, by)| (*p - middle).cross(*by)).sum::<DVec3>()[*axis]
+                pairs.map(|(p, by)| (*p - middle).cross(*by)).sum::<DVec3>()[axis]
             }
-            What::Translation(_) | What::Turn(_) => {
-                // A path is linear in its translations, and smooth in its angles.
-                const STEP: f64 = 1e-3;
-                let path = |step: f64| {
-                    let mut moved = trial.clone();
-                    self.what.set(&mut moved, value + step);
-                    moved.scene.handle_path()
-                };
-                let (before, after) = (path(-STEP)?, path(STEP)?);
-                let mut sum = 0.0;
-                for (frame, by) in by.targets.iter().enumerate() {
-                    let handles = trial.scene.handles.len();
-                    for (k, by) in by.chunks(handles).enumerate() {
-                        let samples = trial.scene.physics.substeps;
-                        let frames =
-                            (start.frame + frame) as f64 + (k + 1) as f64 / f64::from(samples);
-                        let time = frames / trial.scene.frame_rate;
-                        let places = after.at(time).into_iter().zip(before.at(time));
-                        sum += places
-                            .zip(by)
-                            .map(|((a, b), by)| (a - b).dot(*by))
-                            .sum::<f64>();
-                    }
-                }
-                sum / (2.0 * STEP)
+            What::Keyframe(_) => self.slope_of_path(value, trial, start.frame, &by.targets),
+        }
+    }
+
+    /// The same of the motion: a path is linear in its translations, and smooth in its angles.
+    fn slope_of_path(&self, value: f64, trial: &Trial, first: usize, by: &[Vec<DVec3>]) -> f64 {
+        const STEP: f64 = 1e-3;
+        let [before, after] = [-STEP, STEP].map(|step| {
+            let mut moved = trial.clone();
+            self.what.set(&mut moved, value + step);
+            moved.scene.handle_path()
+        });
+        let (Ok(before), Ok(after)) = (before, after) else {
+            return 0.0;
+        };
+        let (handles, rate) = (trial.scene.handles.len(), trial.scene.frame_rate);
+        let mut sum = 0.0;
+        for (frame, by) in by.iter().enumerate() {
+            let samples = (by.len() / handles) as f64;
+            for (k, by) in by.chunks(handles).enumerate() {
+                let time = ((first + frame) as f64 + (k + 1) as f64 / samples) / rate;
+                let moves = after.at(time).into_iter().zip(before.at(time));
+                sum += moves
+                    .zip(by)
+                    .map(|((a, b), by)| (a - b).dot(*by))
+                    .sum::<f64>();
             }
-        })
+        }
+        sum / (2.0 * STEP)
     }
 }
 
-/// The numbers of an order, in the order of its keys here.
-pub(super) fn numbers(
-    scene: &Scene,
-    material: &MaterialFile,
-    environment: &EnvironmentFile,
-    start: &StartFile,
-    motion: &MotionFile,
-) -> Result<Vec<Number>> {
+/// Numbers of entries of a table of so many, those together that have one number in `of`.
+fn tables(is_bend: bool, of: fn(usize) -> usize) -> Vec<What> {
+    let count = if is_bend { 15 } else { 24 };
+    let mut groups: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    (0..count).for_each(|entry| groups.entry(of(entry)).or_default().push(entry));
+    groups
+        .into_values()
+        .map(|entries| What::Table(is_bend, entries))
+        .collect()
+}
+
+fn keyframes(scene: &Scene, axes: Range<usize>) -> Result<Vec<What>> {
+    let Motion::Keyframes(motion) = &scene.motion else {
+        bail!("motion: that of the scene has no keyframes: write it with [motion.groups]");
+    };
+    ensure!(
+        scene
+            .schedule
+            .releases
+            .iter()
+            .all(|release| release.to.is_none()),
+        "motion: cannot be fitted where a handle takes hold again, which it does where the cloth is then: remove `to` from its release"
+    );
+    let groups = motion.groups.iter().enumerate();
+    let places = groups.flat_map(|(g, group)| (0..group.keyframes.len()).map(move |k| [g, k]));
+    let all = places.flat_map(|[g, k]| axes.clone().map(move |axis| What::Keyframe([g, k, axis])));
+    Ok(all.collect())
+}
+
+/// The numbers that the `parts` of an order name, each with its name.
+pub(super) fn numbers(scene: &Scene, parts: [(&str, &Bounds); 4]) -> Result<Vec<Number>> {
     let mut all = Vec::new();
-    let mut add = |name: String, unit, bounds, first, is_scale: bool, what| -> Result<()> {
-        let [low, high]: [f64; 2] = bounds;
-        ensure!(
-            low.is_finite() && high.is_finite() && low < high,
-            "{name}: bounds are [least, most]; found [{low}, {high}]"
-        );
-        ensure!(
-            !is_scale || low > 0.0,
-            "{name}: the lower bound must be positive; found {low}"
-        );
-        ensure!(
-            (low..=high).contains(&first),
-            "{name}: the scene has {first}, where the search begins, and the bounds are {low} to {high}: widen them, or change the scene"
-        );
-        all.push(Number {
-            name,
-            unit,
-            bounds,
-            first,
-            is_scale,
-            what,
-        });
-        Ok(())
-    };
-    let table = |rows: usize, columns: usize| {
-        (0..rows).flat_map(move |r| (0..columns).map(move |c| [r, c]))
-    };
-    let fabric = &scene.material;
-    if let Some(bounds) = material.stretch {
-        add(
-            "material.stretch".into(),
-            "",
-            bounds,
-            1.0,
-            true,
-            What::Stretch(table(6, 4).collect()),
-        )?;
-    }
-    if let Some(bounds) = material.bend {
-        add(
-            "material.bend".into(),
-            "",
-            bounds,
-            1.0,
-            true,
-            What::Bend(table(3, 5).collect()),
-        )?;
-    }
-    for (column, name) in ["uu", "uv", "vv", "shear"].iter().enumerate() {
-        let Some(bounds) = material.stretch_columns else {
-            break;
+    let mut trial = Trial::of(scene, &[], &[]);
+    let keys = parts
+        .iter()
+        .flat_map(|(part, keys)| keys.iter().map(move |key| (part, key)));
+    for (part, (key, &bounds)) in keys {
+        let key = format!("{part}.{key}");
+        let (stem, axes) = match key.rsplit_once('_') {
+            Some((stem, "x")) => (stem, 0..1),
+            Some((stem, "y")) => (stem, 1..2),
+            Some((stem, "z")) => (stem, 2..3),
+            _ => (&*key, 0..3),
         };
-        let entries = table(6, 4).filter(|entry| entry[1] == column).collect();
-        add(
-            format!("material.stretch_columns {name}"),
-            "",
-            bounds,
-            1.0,
-            true,
-            What::Stretch(entries),
-        )?;
-    }
-    for (row, degrees) in [0, 45, 90].iter().enumerate() {
-        let Some(bounds) = material.bend_rows else {
-            break;
+        let start = |what| {
+            axes.clone()
+                .map(move |axis| What::Start(what, axis))
+                .collect()
         };
-        let entries = table(3, 5).filter(|entry| entry[0] == row).collect();
-        add(
-            format!("material.bend_rows {degrees}°"),
-            "",
-            bounds,
-            1.0,
-            true,
-            What::Bend(entries),
-        )?;
-    }
-    if let Some(bounds) = material.stretch_entries {
-        let rows = &fabric.stretch.0;
+        let (unit, is_scale, found): (_, _, Vec<What>) = match stem {
+            "material.stretch" => ("", true, tables(false, |_| 0)),
+            "material.stretch_columns" => ("", true, tables(false, |entry| entry % 4)),
+            "material.stretch_entries" => ("", true, tables(false, |entry| entry)),
+            "material.bend" => ("", true, tables(true, |_| 0)),
+            "material.bend_rows" => ("", true, tables(true, |entry| entry / 5)),
+            "material.bend_entries" => ("", true, tables(true, |entry| entry)),
+            "material.density" => ("kg/m²", true, vec![What::Density]),
+            "material.damping" => ("s", false, vec![What::Damping]),
+            "environment.air_density" => ("kg/m³", false, vec![What::AirDensity]),
+            "environment.air_drag" => ("kg/(m² s)", false, vec![What::AirDrag]),
+            "environment.wind" => ("m/s", false, axes.map(What::Wind).collect()),
+            "start.place" if scene.handles.is_empty() => ("m", false, start(0)),
+            "start.place" => bail!("{key}: handles say where the cloth is: fit motion.translation"),
+            "start.velocity" => ("m/s", false, start(1)),
+            "start.spin" => ("rad/s", false, start(2)),
+            "motion.translation" => ("m", false, keyframes(scene, axes)?),
+            "motion.rotation_deg" => ("°", false, keyframes(scene, 3..4)?),
+            _ => bail!("{key}: there is no such number; known are {KNOWN}"),
+        };
+        let rows = &scene.material.stretch.0;
         ensure!(
-            rows.iter().any(|row| row != &rows[0]),
-            "material.stretch_entries: the table of {} says the same at all strains, and is a linear sheet: take stretch_columns",
-            fabric.name
+            stem != "material.stretch_entries" || rows.iter().any(|row| row != &rows[0]),
+            "{key}: the table says the same at all strains: take stretch_columns"
         );
-        for [r, c] in table(6, 4) {
-            let name = format!("material.stretch_entries [{r}][{c}]");
-            add(name, "", bounds, 1.0, true, What::Stretch(vec![[r, c]]))?;
-        }
-    }
-    for [r, c] in table(3, 5) {
-        let Some(bounds) = material.bend_entries else {
-            break;
-        };
-        add(
-            format!("material.bend_entries [{r}][{c}]"),
-            "",
-            bounds,
-            1.0,
-            true,
-            What::Bend(vec![[r, c]]),
-        )?;
-    }
-    let air = &scene.environment;
-    for (bounds, name, unit, first, is_scale, what) in [
-        (
-            material.density,
-            "material.density",
-            "kg/m²",
-            fabric.density,
-            true,
-            What::Density,
-        ),
-        (
-            material.damping,
-            "material.damping",
-            "s",
-            fabric.damping,
-            false,
-            What::Damping,
-        ),
-        (
-            environment.air_density,
-            "environment.air_density",
-            "kg/m³",
-            air.air_density,
-            false,
-            What::AirDensity,
-        ),
-        (
-            environment.air_drag,
-            "environment.air_drag",
-            "kg/(m² s)",
-            air.air_drag,
-            false,
-            What::AirDrag,
-        ),
-    ] {
-        if let Some(bounds) = bounds {
-            add(name.into(), unit, bounds, first, is_scale, what)?;
-        }
-    }
-    for (axis, letter) in ["x", "y", "z"].iter().enumerate() {
-        for (bounds, name, unit, first, what) in [
-            (
-                environment.wind,
-                "environment.wind",
-                "m/s",
-                air.wind[axis],
-                What::Wind(axis),
-            ),
-            (start.place, "start.place", "m", 0.0, What::Place(axis)),
-            (
-                start.velocity,
-                "start.velocity",
-                "m/s",
-                0.0,
-                What::Velocity(axis),
-            ),
-            (start.spin, "start.spin", "rad/s", 0.0, What::Spin(axis)),
-        ] {
-            if let Some(bounds) = bounds {
-                add(format!("{name} {letter}"), unit, bounds, first, false, what)?;
-            }
-        }
-    }
-    ensure!(
-        start.place.is_none() || scene.handles.is_empty(),
-        "start.place: the scene has handles, which say where the cloth is: fit motion.translation, or remove the handles"
-    );
-    if motion.translation.is_some() || motion.rotation_deg.is_some() {
-        let Motion::Keyframes(moves) = &scene.motion else {
-            bail!(
-                "motion: the scene's motion has no keyframes: write [motion.groups], or [motion.inline] with kind = \"keyframes\""
+        let [low, high] = bounds;
+        ensure!(
+            low < high
+                && high.is_finite()
+                && low >= if is_scale { f64::MIN_POSITIVE } else { f64::MIN },
+            "{key}: bounds are [least, most], of a scale positive; found [{low}, {high}]"
+        );
+        let is_one = found.len() == 1;
+        for what in found {
+            let name = if is_one { key.clone() } else { format!("{stem} {}", what.which()) };
+            let first = what.slot(&mut trial).map_or(1.0, |slot| *slot);
+            ensure!(
+                (low..=high).contains(&first),
+                "{name}: the scene has {first}, where the search begins, which is not within {low} to {high}: widen the bounds, or change the scene"
             );
-        };
-        ensure!(
-            scene
-                .schedule
-                .releases
-                .iter()
-                .all(|release| release.to.is_none()),
-            "motion: a handle that takes hold again does so where the cloth is then, and its motion cannot be fitted: remove `to` from its release"
-        );
-        for (g, group) in moves.groups.iter().enumerate() {
-            let chosen = motion.keyframes.clone();
-            for k in chosen.unwrap_or_else(|| (0..group.keyframes.len()).collect()) {
-                let Some(keyframe) = group.keyframes.get(k) else {
-                    bail!(
-                        "motion.keyframes: there is no keyframe {k}: group {g} has {}, from 0",
-                        group.keyframes.len()
-                    );
-                };
-                let axes = motion.axes.clone();
-                for axis in axes.unwrap_or_else(|| vec![Axis::X, Axis::Y, Axis::Z]) {
-                    let Some(bounds) = motion.translation else {
-                        break;
-                    };
-                    let name = format!("motion.translation of group {g}, keyframe {k}, {axis:?}");
-                    let axis = axis as usize;
-                    add(
-                        name,
-                        "m",
-                        bounds,
-                        keyframe.translation[axis],
-                        false,
-                        What::Translation([g, k, axis]),
-                    )?;
-                }
-                if let Some(bounds) = motion.rotation_deg {
-                    let name = format!("motion.rotation_deg of group {g}, keyframe {k}");
-                    add(
-                        name,
-                        "°",
-                        bounds,
-                        keyframe.rotation_deg,
-                        false,
-                        What::Turn([g, k]),
-                    )?;
-                }
-            }
+            all.push(Number {
+                name,
+                unit,
+                bounds,
+                first,
+                is_scale,
+                what,
+            });
         }
     }
     ensure!(
-        !all.is_empty(),
-        "nothing is to be fitted: give bounds of a number, as [material] stretch = [0.2, 5.0]"
-    );
-    ensure!(
-        all.len() <= MOST,
-        "{} numbers are to be fitted, {MOST} at most: leave some out",
+        (1..=MOST).contains(&all.len()),
+        "{} numbers are to be fitted, 1 to {MOST} can be: give bounds, as in material = {{ stretch = [0.2, 5.0] }}",
         all.len()
     );
     Ok(all)

@@ -8,11 +8,10 @@ use anyhow::{Context, Result};
 use selvedge_data::{StartSpec, StateChoice, StateRun, write_atomically};
 
 use super::{Fitted, Found, Order};
-use crate::event::End;
 use crate::folder::FITTED;
 use crate::physics;
 
-/// Share of a direction below which a number is not named.
+/// Part of a direction below which a number is not named.
 const NAMED: f64 = 0.2;
 
 /// Writes into `folder`, which exists: `report.md`, `run.safetensors`, of what was found `fabric.toml`,
@@ -21,43 +20,41 @@ const NAMED: f64 = 0.2;
 /// # Errors
 /// A file that cannot be written.
 pub fn write(folder: &Path, order: &Order, fitted: &Fitted) -> Result<Vec<PathBuf>> {
+    let (scene, start) = (&fitted.scene, &fitted.start);
+    let mut spec = order.loaded.spec.clone();
+    let is_at_rest = spec.start == StartSpec::Rest;
+    (spec.setting.material, spec.motion) = (scene.material.clone(), scene.motion.clone());
+    spec.setting.environment = scene.environment;
     let mut wrote = Vec::new();
     let mut text = |name: &str, text: String| -> Result<()> {
-        let path = folder.join(name);
-        write_atomically(&path, |out| out.write_all(text.as_bytes()))?;
-        wrote.push(path);
-        Ok(())
+        wrote.push(folder.join(name));
+        Ok(write_atomically(&folder.join(name), |out| {
+            out.write_all(text.as_bytes())
+        })?)
     };
-    let has = |part: &str| {
+    let has = |part| {
         order
             .numbers
             .iter()
             .any(|number| number.name.starts_with(part))
     };
-    let (scene, mut spec) = (&fitted.scene, order.loaded.spec.clone());
-    let mut material = scene.material.clone();
     if has("material.") {
-        material.source = format!("{}; fitted in the scene {:?}", material.source, scene.name);
         text(
             "fabric.toml",
-            toml::to_string(&material).context("writing the fabric")?,
+            toml::to_string(&scene.material).context("the fabric")?,
         )?;
     }
     if has("motion.") {
         text(
             "motion.toml",
-            toml::to_string(&scene.motion).context("writing the motion")?,
+            toml::to_string(&scene.motion).context("the motion")?,
         )?;
     }
     text("report.md", page(order, fitted))?;
-    spec.setting.material = material;
-    spec.setting.environment = scene.environment;
-    spec.motion = scene.motion.clone();
-    let at_rest = spec.start == StartSpec::Rest;
     if has("start.") {
         let path = folder.join("start.safetensors");
         let states = StateRun {
-            states: vec![fitted.start.clone()],
+            states: vec![start.clone()],
         };
         states.write(&path, &physics::provenance(&order.loaded.spec, scene)?)?;
         let file = path.to_string_lossy().into_owned();
@@ -65,109 +62,93 @@ pub fn write(folder: &Path, order: &Order, fitted: &Fitted) -> Result<Vec<PathBu
             file,
             ..StateChoice::default()
         };
-        spec.start = StartSpec::State(choice.read(Path::new(""), fitted.start.positions.len())?.1);
+        spec.start = StartSpec::State(choice.read(Path::new(""), start.positions.len())?.1);
         wrote.push(path);
     }
-    let rest = if at_rest { &fitted.start.positions[..] } else { scene.mesh.positions() };
-    let first = fitted.start.frame;
-    let run = physics::trajectory(first, &spec, scene, rest, fitted.positions.clone())?;
-    let path = folder.join("run.safetensors");
-    run.write(&path)?;
-    wrote.push(path);
-    let path = folder.join(FITTED);
+    let rest = if is_at_rest { &start.positions[..] } else { scene.mesh.positions() };
+    let run = physics::trajectory(start.frame, &spec, scene, rest, fitted.positions.clone())?;
+    wrote.push(folder.join("run.safetensors"));
+    run.write(&folder.join("run.safetensors"))?;
     let json = serde_json::to_vec_pretty(fitted)?;
-    write_atomically(&path, |out| out.write_all(&json))?;
-    wrote.push(path);
+    wrote.push(folder.join(FITTED));
+    write_atomically(&folder.join(FITTED), |out| out.write_all(&json))?;
     Ok(wrote)
 }
 
-impl Found {
-    /// The value with its error.
-    fn value_in_words(&self) -> String {
-        let (value, unit) = (self.value, self.number.unit);
-        let error = match self.error {
-            Some(error) if self.number.is_scale => format!(" ± {:.1} %", 100.0 * error / value),
-            Some(error) => format!(" ± {error:.4}"),
-            None => String::new(),
-        };
-        format!("{value:.4}{error} {unit}").trim_end().to_owned()
+/// Four digits that count.
+fn short(value: f64) -> String {
+    if value != 0.0 && value.abs() < 0.1 {
+        format!("{value:.3e}")
+    } else {
+        format!("{value:.4}")
     }
 }
 
 impl fmt::Display for Found {
+    /// The name, and the value with its error.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} {}", self.number.name, self.value_in_words())
+        let (name, unit, value) = (&self.number.name, self.number.unit, self.value);
+        write!(f, "{name} {}", short(value))?;
+        match self.error {
+            Some(error) if self.number.is_scale => write!(f, " ± {:.2} %", 100.0 * error / value)?,
+            Some(error) => write!(f, " ± {}", short(error))?,
+            None => {}
+        }
+        write!(f, "{}{unit}", if unit.is_empty() { "" } else { " " })?;
+        f.write_str(if self.is_at_bound { ", at its bound" } else { "" })
     }
 }
 
 fn page(order: &Order, fitted: &Fitted) -> String {
-    let scene = &fitted.scene.name;
+    let Fitted {
+        marks,
+        rms,
+        noise,
+        runs: [runs, back],
+        failed,
+        ..
+    } = fitted;
     let mut page = format!(
-        "# Fit of {scene}\n\n{} marks in {} frames; root mean square distance of a coordinate {:.3} mm, noise {:.3} mm{}.\n",
-        fitted.marks,
-        order.frames() + 1,
-        1e3 * fitted.rms,
-        1e3 * fitted.noise,
-        if order.noise.is_some() { "" } else { " (from what is left)" }
+        "# Fit of {}\n\n{marks} marks; root mean square distance of a coordinate {:.3} mm, noise {:.3} mm ({}).\n\
+        {runs} runs forward, {back} back, {failed} failed. Distances at the start and the end of each search [mm]:{}.\n\n",
+        fitted.scene.name,
+        1e3 * rms,
+        1e3 * noise,
+        if order.noise.is_some() { "as the order says" } else { "from what is left" },
+        fitted
+            .searches
+            .iter()
+            .fold(String::new(), |all, search| match search {
+                Some([from, to]) => format!("{all} {:.3} to {:.3},", 1e3 * from, 1e3 * to),
+                None => all + " failed,",
+            })
+            .trim_end_matches(',')
     );
-    if fitted.end == End::Interrupted {
-        page += "\nInterrupted: these are the best numbers by then, and nobody has looked at what the data tell.\n";
-    }
-    page += "\n| number | in the scene | found | bounds | |\n|---|---|---|---|---|\n";
+    page += "| found | in the scene | bounds |\n|---|---|---|\n";
     for found in &fitted.numbers {
-        let Found {
-            number,
-            is_at_bound,
-            ..
-        } = found;
-        let [low, high] = number.bounds;
-        let (name, unit, first) = (&number.name, number.unit, number.first);
-        let told = match (found.error, &fitted.directions) {
-            _ if *is_at_bound => "at its bound",
-            (None, Some(_)) => "not told",
-            _ => "",
-        };
-        let value = found.value_in_words();
+        let ([low, high], first) = (found.number.bounds, short(found.number.first));
+        let _ = writeln!(page, "| {found} | {first} | {low} to {high} |");
+    }
+    let Some(directions) = &fitted.directions else {
+        return page
+            + "\nInterrupted: the best numbers by then. What the data tell was not looked at.\n";
+    };
+    page += "\n## What the data tell\n\nEigenvectors of the Gauss-Newton matrix, in parts of the bounds (of logarithms for \
+        scales), and the error to which the data tell the numbers along each. Beyond a tenth of the \
+        bounds they do not.\n\n| eigenvalue | error | | numbers |\n|---|---|---|---|\n";
+    for direction in directions {
+        let numbers = direction.way.iter().zip(&fitted.numbers);
+        let named = numbers.filter(|(part, _)| part.abs() >= NAMED);
+        let named = named.map(|(part, found)| format!("{part:+.2} {}", found.number.name));
+        let named = named.collect::<Vec<_>>().join(", ");
+        let error = direction
+            .error
+            .map_or("unbounded".to_owned(), |e| format!("{:.2} %", 100.0 * e));
+        let told = if direction.is_told { "told" } else { "**not told**" };
         let _ = writeln!(
             page,
-            "| {name} | {first:.4} {unit} | {value} | {low} to {high} | {told} |"
-        );
-    }
-    if let Some(directions) = &fitted.directions {
-        page += "\n## What the data tell\n\nEigenvectors of the Gauss-Newton matrix, in parts of the bounds (of logarithms for scales): along each the \
-            numbers are known to within its error. Beyond a tenth of the bounds the data do not tell it.\n\n\
-            | eigenvalue | error | | numbers |\n|---|---|---|---|\n";
-        for direction in directions {
-            let numbers = direction.way.iter().zip(&fitted.numbers);
-            let named = numbers.filter(|(part, _)| part.abs() >= NAMED);
-            let named = named.map(|(part, found)| format!("{part:+.2} {}", found.number.name));
-            let named = named.collect::<Vec<_>>().join(", ");
-            let error = direction.error.map_or("unbounded".to_owned(), |error| {
-                format!("{:.2} %", 100.0 * error)
-            });
-            let told = if direction.is_told { "told" } else { "**not told**" };
-            let _ = writeln!(
-                page,
-                "| {:.3e} | {error} | {told} | {named} |",
-                direction.eigenvalue
-            );
-        }
-    }
-    page += "\n## Searches\n\n| start | from | to | runs | runs back |\n|---|---|---|---|---|\n";
-    for (number, search) in fitted.searches.iter().enumerate() {
-        let start = if number == 0 { "the scene's".to_owned() } else { format!("random {number}") };
-        let rms = search
-            .rms
-            .map(|both| both.map(|rms| format!("{:.3} mm", 1e3 * rms)));
-        let [from, to] = rms.unwrap_or(["failed".to_owned(), String::new()]);
-        let [runs, back] = search.runs;
-        let _ = writeln!(page, "| {start} | {from} | {to} | {runs} | {back} |");
-    }
-    if fitted.failed > 0 {
-        let _ = writeln!(
-            page,
-            "\n{} runs failed; the searches took shorter steps there.",
-            fitted.failed
+            "| {:.3e} | {error} | {told} | {named} |",
+            direction.eigenvalue
         );
     }
     page

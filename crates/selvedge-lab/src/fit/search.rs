@@ -1,15 +1,14 @@
 //! L-BFGS within a box: the matrix is that of the crate `lbfgs`, steps are projected (Bertsekas 1982)
 //! and shortened until the value falls by enough (Armijo 1966).
 
-use anyhow::Result;
 use lbfgs::Lbfgs;
 
 use super::told::eigen;
 
 /// Pairs that the matrix is made of.
 const PAIRS: usize = 12;
-/// Longest first step without a metric and longest step otherwise, of any coordinate.
-const LONGEST: [f64; 2] = [0.1, 0.3];
+/// Longest step of any coordinate.
+const LONGEST: f64 = 0.3;
 /// Part of the expected fall that a step must reach.
 const ENOUGH: f64 = 1e-4;
 /// Part of its value to which a search falls before it asks for its metric anew.
@@ -37,42 +36,44 @@ pub(super) enum Look {
     Reached(Point),
 }
 
-/// The matrix of second derivatives that a search begins from, by its eigenvectors.
-pub(super) struct Metric {
-    roots: Vec<f64>,
-    vectors: Vec<Vec<f64>>,
-}
+/// The matrix of second derivatives that a search begins from: V Λ Vᵀ, by the rows of Λ^½ Vᵀ, which
+/// takes places to those of the search, and of Λ^-½ Vᵀ, which takes slopes there.
+pub(super) struct Metric([Vec<Vec<f64>>; 2]);
 
 impl Metric {
     /// A symmetric matrix. No eigenvalue is below that of a parabola which falls by the whole `value` from
     /// the middle of the box to its border: far from the least value a matrix knows no better.
     pub(super) fn of(matrix: Vec<Vec<f64>>, value: f64) -> Self {
-        let (values, vectors): (Vec<f64>, _) = eigen(matrix).into_iter().unzip();
         let least = (8.0 * value).max(f64::MIN_POSITIVE);
-        let roots = values.iter().map(|value| value.max(least).sqrt()).collect();
-        Self { roots, vectors }
+        let found = eigen(matrix).into_iter();
+        let found: Vec<_> = found
+            .map(|(own, way)| (own.max(least).sqrt(), way))
+            .collect();
+        let rows = |power: i32| {
+            let row =
+                |(root, way): &(f64, Vec<f64>)| way.iter().map(|w| w * root.powi(power)).collect();
+            found.iter().map(row).collect()
+        };
+        Self([rows(1), rows(-1)])
     }
 
-    fn place(&self, at: &[f64]) -> Vec<f64> {
-        let pairs = self.vectors.iter().zip(&self.roots);
-        pairs.map(|(vector, root)| root * dot(vector, at)).collect()
+    fn places(&self, at: &[f64]) -> Vec<f64> {
+        self.0[0].iter().map(|row| dot(row, at)).collect()
     }
 
-    fn slope(&self, slope: &[f64]) -> Vec<f64> {
-        let pairs = self.vectors.iter().zip(&self.roots);
-        pairs
-            .map(|(vector, root)| dot(vector, slope) / root)
-            .collect()
+    fn slopes(&self, slope: &[f64]) -> Vec<f64> {
+        self.0[1].iter().map(|row| dot(row, slope)).collect()
     }
 
     fn back(&self, way: &[f64]) -> Vec<f64> {
-        let mut back = vec![0.0; way.len()];
-        for ((vector, root), way) in self.vectors.iter().zip(&self.roots).zip(way) {
-            back.iter_mut()
-                .zip(vector)
-                .for_each(|(sum, v)| *sum += way / root * v);
-        }
-        back
+        let column = |k| {
+            self.0[1]
+                .iter()
+                .zip(way)
+                .map(|(row, way)| row[k] * way)
+                .sum()
+        };
+        (0..way.len()).map(column).collect()
     }
 }
 
@@ -83,107 +84,80 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 /// A value over the box.
 pub(super) trait Landscape {
     /// Looks at a place, whose value is of no use above `bound`.
-    fn look(&mut self, at: &[f64], bound: f64) -> Result<Look>;
+    fn look(&mut self, at: &[f64], bound: f64) -> Look;
 
-    /// The metric at the last place that was reached, where one is to be had.
-    fn metric(&mut self) -> Result<Option<Metric>>;
+    /// The metric at the last place that was reached.
+    fn metric(&mut self) -> Metric;
 }
 
 /// Searches for a least value from `at` on. None where there is no value there.
-pub(super) fn search(at: Vec<f64>, land: &mut dyn Landscape) -> Result<Option<Point>> {
-    let Look::Reached(best) = land.look(&at, f64::INFINITY)? else {
-        return Ok(None);
+pub(super) fn search(at: Vec<f64>, land: &mut dyn Landscape) -> Option<Point> {
+    let Look::Reached(mut best) = land.look(&at, f64::INFINITY) else {
+        return None;
     };
-    let memory = Lbfgs::new(at.len(), PAIRS).with_sy_epsilon(f64::MIN_POSITIVE);
-    let mut search = Search {
-        memory,
-        metric: None,
-        best,
-        is_first: true,
-    };
-    let (mut still, mut looked) = (0, f64::INFINITY);
+    let mut memory = Lbfgs::new(at.len(), PAIRS).with_sy_epsilon(f64::MIN_POSITIVE);
+    let (mut metric, mut measured, mut still) = (land.metric(), best.value, 0);
     while still < 2 {
-        let before = search.best.value;
-        if before < FALLEN * looked {
-            looked = before;
-            if let Some(metric) = land.metric()? {
-                search.memory.reset();
-                search.metric = Some(metric);
-            }
-        }
-        if !search.step(land)? {
-            break;
-        }
-        still = if before - search.best.value <= STILL * before { still + 1 } else { 0 };
-    }
-    Ok(Some(search.best))
-}
-
-struct Search {
-    memory: Lbfgs,
-    metric: Option<Metric>,
-    best: Point,
-    is_first: bool,
-}
-
-impl Search {
-    /// Goes one step down; false where there is none.
-    fn step(&mut self, land: &mut dyn Landscape) -> Result<bool> {
-        let (memory, from) = (&mut self.memory, &self.best);
-        let metric = self.metric.as_ref();
-        let turned = |slope: &[f64]| metric.map_or(slope.to_vec(), |metric| metric.slope(slope));
-        let slope = turned(&from.slope);
-        let place = metric.map_or(from.at.clone(), |metric| metric.place(&from.at));
-        memory.update_hessian(&slope, &place);
-        // Coordinates at a bound from which the value falls outwards stay there.
-        let free = |mut way: Vec<f64>| {
-            for ((way, at), slope) in way.iter_mut().zip(&from.at).zip(&from.slope) {
-                if *at <= 0.0 && *slope > 0.0 || *at >= 1.0 && *slope < 0.0 {
-                    *way = 0.0;
-                }
-            }
-            way
-        };
-        let steepest = free(from.slope.clone());
-        let mut way = turned(&steepest);
-        memory.apply_hessian(&mut way);
-        way = free(metric.map_or(way.clone(), |metric| metric.back(&way)));
-        if dot(&way, &steepest) <= 0.0 {
+        if best.value < FALLEN * measured {
+            (metric, measured) = (land.metric(), best.value);
             memory.reset();
-            memory.update_hessian(&slope, &place);
-            way = steepest;
         }
-        let largest = way.iter().fold(0.0_f64, |most, w| most.max(w.abs()));
-        if largest == 0.0 {
-            return Ok(false);
-        }
-        // A first direction has no length of its own.
-        let is_bare = metric.is_none() && std::mem::take(&mut self.is_first);
-        let mut length =
-            if is_bare { LONGEST[0] / largest } else { (LONGEST[1] / largest).min(1.0) };
-        for _ in 0..TRIES {
-            let moved = from.at.iter().zip(&way);
-            let to: Vec<f64> = moved
-                .map(|(at, way)| (at - length * way).clamp(0.0, 1.0))
-                .collect();
-            let moves: Vec<f64> = to.iter().zip(&from.at).map(|(to, at)| to - at).collect();
-            let fall = dot(&from.slope, &moves);
-            if fall >= 0.0 {
-                return Ok(false);
-            }
-            length *= match land.look(&to, from.value + ENOUGH * fall)? {
-                Look::Stop => return Ok(false),
-                Look::Reached(point) => {
-                    self.best = point;
-                    return Ok(true);
-                }
-                Look::Failed => 0.2,
-                // The least of the parabola through what is known.
-                Look::Above(value) => (-0.5 * fall / (value - from.value - fall)).clamp(0.1, 0.5),
-            };
-        }
-        Ok(false)
+        let Some(next) = step(&best, &metric, &mut memory, land) else {
+            break;
+        };
+        still = if best.value - next.value <= STILL * best.value { still + 1 } else { 0 };
+        best = next;
     }
+    Some(best)
+}
+
+fn step(
+    from: &Point,
+    metric: &Metric,
+    memory: &mut Lbfgs,
+    land: &mut dyn Landscape,
+) -> Option<Point> {
+    // Coordinates at a bound from which the value falls outwards stay there.
+    let free = |mut way: Vec<f64>| {
+        for ((way, at), slope) in way.iter_mut().zip(&from.at).zip(&from.slope) {
+            if *at <= 0.0 && *slope > 0.0 || *at >= 1.0 && *slope < 0.0 {
+                *way = 0.0;
+            }
+        }
+        way
+    };
+    let steepest = free(from.slope.clone());
+    let mut way = metric.slopes(&steepest);
+    memory.update_hessian(&metric.slopes(&from.slope), &metric.places(&from.at));
+    memory.apply_hessian(&mut way);
+    way = free(metric.back(&way));
+    if dot(&way, &steepest) <= 0.0 {
+        memory.reset();
+        way = steepest;
+    }
+    let largest = way
+        .iter()
+        .fold(f64::MIN_POSITIVE, |most, w| most.max(w.abs()));
+    let mut length = (LONGEST / largest).min(1.0);
+    for _ in 0..TRIES {
+        let moved = from.at.iter().zip(&way);
+        let to: Vec<f64> = moved
+            .map(|(at, way)| (at - length * way).clamp(0.0, 1.0))
+            .collect();
+        let moves: Vec<f64> = to.iter().zip(&from.at).map(|(to, at)| to - at).collect();
+        let fall = dot(&from.slope, &moves);
+        if fall >= 0.0 {
+            return None;
+        }
+        length *= match land.look(&to, from.value + ENOUGH * fall) {
+            Look::Stop => return None,
+            Look::Reached(point) => return Some(point),
+            Look::Failed => 0.2,
+            // The least of the parabola through what is known.
+            Look::Above(value) => (-0.5 * fall / (value - from.value - fall)).clamp(0.1, 0.5),
+        };
+    }
+    None
 }
 
 #[cfg(test)]
@@ -205,9 +179,9 @@ mod tests {
     }
 
     impl<F: Fn(&[f64]) -> Option<(f64, Vec<f64>)>> Landscape for Looks<F> {
-        fn look(&mut self, at: &[f64], bound: f64) -> Result<Look> {
+        fn look(&mut self, at: &[f64], bound: f64) -> Look {
             self.count += 1;
-            Ok(match (self.of)(at) {
+            match (self.of)(at) {
                 None => Look::Failed,
                 Some((value, _)) if value > bound => Look::Above(value),
                 Some((value, slope)) => Look::Reached(Point {
@@ -215,11 +189,12 @@ mod tests {
                     value,
                     slope,
                 }),
-            })
+            }
         }
 
-        fn metric(&mut self) -> Result<Option<Metric>> {
-            Ok(self.metric.take().map(|metric| Metric::of(metric, 0.0)))
+        fn metric(&mut self) -> Metric {
+            let unit = vec![vec![1.0, 0.0], vec![0.0, 1.0]];
+            Metric::of(self.metric.clone().unwrap_or(unit), 0.0)
         }
     }
 
@@ -230,7 +205,7 @@ mod tests {
             count: 0,
         };
         let found = search(from.to_vec(), &mut looks);
-        (found.unwrap().unwrap(), looks.count)
+        (found.unwrap(), looks.count)
     }
 
     #[test]
@@ -265,7 +240,7 @@ mod tests {
             metric: None,
             count: 0,
         };
-        assert!(search(vec![0.5], &mut none).unwrap().is_none());
+        assert!(search(vec![0.5, 0.5], &mut none).is_none());
     }
 
     #[test]
@@ -283,7 +258,7 @@ mod tests {
                 metric,
                 count: 0,
             };
-            let found = search(vec![0.45, 0.56], &mut looks).unwrap().unwrap();
+            let found = search(vec![0.45, 0.56], &mut looks).unwrap();
             (looks.count, found.value)
         };
         let known = count(Some(matrix.map(Vec::from).to_vec()));

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use glam::DVec3;
 use selvedge_cloth::Scene;
 use selvedge_data::Trajectory;
@@ -12,7 +12,7 @@ use serde::Deserialize;
 const MOST_FRAMES: usize = 100_000;
 
 /// The part `data` of an order.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SeenFile {
     markers: Option<PathBuf>,
@@ -21,11 +21,10 @@ pub(super) struct SeenFile {
     pub(super) noise: Option<f64>,
 }
 
-/// A vertex that was seen in a frame.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+/// A vertex that was seen in a frame after the start of the run, at a place `[m]`.
+#[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Mark {
-    /// Frames after the start of the run.
     pub(super) frame: usize,
     pub(super) vertex: usize,
     x: f64,
@@ -34,111 +33,83 @@ pub(super) struct Mark {
 }
 
 impl Mark {
-    /// Its place `[m]`.
     pub(super) fn place(&self) -> DVec3 {
         DVec3::new(self.x, self.y, self.z)
     }
 }
 
 impl SeenFile {
-    /// The file, relative to `folder`, and its marks in order of their frames; there is one at least.
-    pub(super) fn read(&self, folder: &Path, scene: &Scene) -> Result<(PathBuf, Vec<Mark>)> {
-        let (file, mut marks) = match (&self.markers, &self.trajectory) {
-            (Some(file), None) => (folder.join(file), table(&folder.join(file))?),
-            (None, Some(file)) => (folder.join(file), frames(&folder.join(file), scene)?),
-            _ => anyhow::bail!(
-                "data: needs `markers` (.csv) or `trajectory` (.safetensors), one of them"
-            ),
-        };
-        let name = file.display();
-        let vertices = scene.mesh.positions().len();
-        ensure!(
-            !marks.is_empty(),
-            "{name}: nothing was seen: the table has no rows"
-        );
-        for (row, mark) in marks.iter().enumerate() {
-            let Mark { frame, vertex, .. } = *mark;
-            let row = format!("{name}: row {}", row + 1);
-            ensure!(
-                vertex < vertices,
-                "{row}: there is no vertex {vertex}: the scene {:?} has {vertices}, 0 to {}",
-                scene.name,
-                vertices - 1
-            );
-            ensure!(
-                frame <= MOST_FRAMES,
-                "{row}: frame {frame} is beyond {MOST_FRAMES}"
-            );
-            ensure!(
-                mark.place().is_finite(),
-                "{row}: a place is not finite: leave out the row of a marker that was not seen"
-            );
-        }
-        marks.sort_by_key(|mark| (mark.frame, mark.vertex));
-        if let Some(pair) = marks
-            .windows(2)
-            .find(|p| (p[0].frame, p[0].vertex) == (p[1].frame, p[1].vertex))
-        {
-            let Mark { frame, vertex, .. } = pair[0];
-            anyhow::bail!(
-                "{name}: vertex {vertex} is there twice in frame {frame}: leave one of the rows"
-            );
-        }
+    /// The marks in order of their frames, of a file relative to `folder`; there is one at least.
+    pub(super) fn read(&self, folder: &Path, scene: &Scene) -> Result<Vec<Mark>> {
         let noise = self.noise.unwrap_or(1.0);
+        let is_one = noise.is_finite() && noise > 0.0;
         ensure!(
-            noise.is_finite() && noise > 0.0,
+            is_one,
             "data.noise must be positive, in metres; found {noise}"
         );
-        Ok((file, marks))
+        let (file, of): (_, fn(&Path, &Scene) -> Result<Vec<Mark>>) =
+            match (&self.markers, &self.trajectory) {
+                (Some(file), None) => (folder.join(file), table),
+                (None, Some(file)) => (folder.join(file), frames),
+                _ => bail!("data needs markers (.csv) or trajectory (.safetensors), one of them"),
+            };
+        of(&file, scene).with_context(|| file.display().to_string())
     }
 }
 
-fn table(file: &Path) -> Result<Vec<Mark>> {
-    let name = || {
-        format!(
-            "{}: expected rows of frame,vertex,x,y,z in metres, with this header",
-            file.display()
-        )
-    };
-    let mut reader = csv::ReaderBuilder::new()
-        .trim(csv::Trim::All)
-        .from_path(file)
-        .with_context(|| file.display().to_string())?;
-    reader
-        .deserialize()
-        .map(|row| row.with_context(name))
-        .collect()
+fn table(file: &Path, scene: &Scene) -> Result<Vec<Mark>> {
+    let mut reader = csv::ReaderBuilder::new();
+    let mut reader = reader.trim(csv::Trim::All).from_path(file)?;
+    let rows = reader.deserialize().collect::<Result<Vec<Mark>, _>>();
+    let mut marks = rows.context("expected the columns frame,vertex,x,y,z, in metres")?;
+    ensure!(!marks.is_empty(), "nothing was seen: there is no row");
+    let vertices = scene.mesh.positions().len();
+    for (row, mark) in marks.iter().enumerate() {
+        let Mark { frame, vertex, .. } = mark;
+        let row = row + 2;
+        ensure!(
+            *vertex < vertices,
+            "line {row}: there is no vertex {vertex}: the scene has {vertices}, from 0"
+        );
+        ensure!(
+            *frame <= MOST_FRAMES,
+            "line {row}: frame {frame} is beyond {MOST_FRAMES}"
+        );
+        let is_seen = mark.place().is_finite();
+        ensure!(
+            is_seen,
+            "line {row}: is not finite: leave out what was not seen"
+        );
+    }
+    marks.sort_by_key(|mark| (mark.frame, mark.vertex));
+    let twice = marks
+        .windows(2)
+        .find(|two| (two[0].frame, two[0].vertex) == (two[1].frame, two[1].vertex));
+    if let Some([Mark { frame, vertex, .. }, _]) = twice {
+        bail!("vertex {vertex} is there twice in frame {frame}: leave out one of the lines");
+    }
+    Ok(marks)
 }
 
 fn frames(file: &Path, scene: &Scene) -> Result<Vec<Mark>> {
     let seen = Trajectory::read(file)?;
-    let [found, expected] =
-        [seen.topology(), scene.mesh.topology()].map(|mesh| mesh.vertex_count());
+    let (vertices, rate) = (scene.mesh.positions().len(), scene.frame_rate);
     ensure!(
-        found == expected,
-        "{}: has {found} vertices, the scene {:?} {expected}: take its trajectory, or markers",
-        file.display(),
-        scene.name
+        (seen.vertex_count(), seen.frame_rate()) == (vertices, rate),
+        "has {} vertices and {} frames per second, the scene {vertices} and {rate}: they must be the same, otherwise take markers",
+        seen.vertex_count(),
+        seen.frame_rate()
     );
-    let [found, expected] = [seen.frame_rate(), scene.frame_rate];
-    ensure!(
-        found == expected,
-        "{}: has {found} frames per second, the scene {:?} {expected}: set its frame_rate",
-        file.display(),
-        scene.name
-    );
-    let mark = |frame| {
-        move |(vertex, place): (usize, &glam::Vec3)| {
-            let [x, y, z] = place.as_dvec3().to_array();
-            Mark {
-                frame,
-                vertex,
-                x,
-                y,
-                z,
-            }
+    let all = seen.positions().iter().enumerate();
+    let mark = |(number, place): (usize, &glam::Vec3)| {
+        let [x, y, z] = place.as_dvec3().to_array();
+        Mark {
+            frame: number / vertices,
+            vertex: number % vertices,
+            x,
+            y,
+            z,
         }
     };
-    let of_frame = |frame| seen.frame(frame).iter().enumerate().map(mark(frame));
-    Ok((0..seen.frame_count()).flat_map(of_frame).collect())
+    Ok(all.map(mark).collect())
 }

@@ -24,26 +24,16 @@ pub(crate) fn run(args: &FitArgs) -> anyhow::Result<Answer> {
     let wrote = fit::write(&args.output, &order, &fitted)?;
     let mut facts = Facts::new();
     facts.tell("scene", &fitted.scene.name);
-    for found in &fitted.numbers {
-        let bound = if found.is_at_bound { ", at its bound" } else { "" };
-        facts.add("found", format!("{}{bound}", found));
-    }
-    let searches = &fitted.searches;
-    let [runs, back] = [0, 1].map(|k| searches.iter().map(|search| search.runs[k]).sum::<usize>());
+    facts.add_all("found", &fitted.numbers);
+    let (distance, noise) = (length(fitted.rms), length(fitted.noise));
     facts.add(
         "distance",
-        format!(
-            "{} per coordinate, noise {}",
-            length(fitted.rms),
-            length(fitted.noise)
-        ),
+        format!("{distance} per coordinate, noise {noise}"),
     );
+    let ([runs, back], failed) = (fitted.runs, fitted.failed);
     facts.add(
         "runs",
-        format!(
-            "{runs}, of which {back} also back; {} failed",
-            fitted.failed
-        ),
+        format!("{runs}, {back} of them also back; {failed} failed"),
     );
     if let Some(directions) = &fitted.directions {
         let told = directions
