@@ -20,8 +20,8 @@ const KNOWN: &str = "material.stretch, stretch_columns, stretch_entries, bend, b
 /// Bounds by their keys: a part of an order.
 pub(super) type Bounds = BTreeMap<String, [f64; 2]>;
 
-/// A number that is to be found.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+/// A number that is to be found, and what was found.
+#[derive(Clone, Debug, Serialize)]
 pub struct Number {
     /// Its name: the key of the order, and which of several.
     pub name: String,
@@ -33,11 +33,15 @@ pub struct Number {
     pub first: f64,
     /// True where it is a scale: its logarithm is searched for.
     pub is_scale: bool,
+    /// What was found.
+    pub value: f64,
+    /// Its standard error; none where the data do not tell it, or nobody has looked.
+    pub error: Option<f64>,
     #[serde(skip)]
     what: What,
 }
 
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 enum What {
     /// A factor of entries of the table of bending or, otherwise, of stretching.
     Table(bool, Vec<usize>),
@@ -60,35 +64,53 @@ pub(super) struct Trial {
 }
 
 impl Trial {
-    /// The scene `base` with these `values`, `[numbers]`.
-    pub(super) fn of(base: &Scene, numbers: &[Number], values: &[f64]) -> Self {
+    /// The scene `base` with numbers at these values.
+    pub(super) fn of<'a>(base: &Scene, numbers: impl Iterator<Item = (&'a Number, f64)>) -> Self {
         let (scene, start) = (base.clone(), [DVec3::ZERO; 3]);
         let mut trial = Self { scene, start };
-        for (number, value) in numbers.iter().zip(values) {
-            number.what.set(&mut trial, *value);
-        }
+        numbers.for_each(|(number, value)| number.what.set(&mut trial, value));
         trial
     }
 
     /// The start `from`, moved and set in motion.
-    pub(super) fn begin(&self, from: Checkpoint) -> Checkpoint {
-        let [place, velocity, spin] = self.start;
+    pub(super) fn begin(&self, mut from: Checkpoint) -> Checkpoint {
         if self.start == [DVec3::ZERO; 3] {
             return from;
         }
-        let (
-            Checkpoint {
-                frame, positions, ..
-            },
-            middle,
-        ) = (&from, middle(&from.positions));
-        let moved = |(p, v): (&DVec3, &DVec3)| *v + velocity + spin.cross(*p - middle);
-        let velocities = positions.iter().zip(&from.velocities).map(moved).collect();
-        Checkpoint::of(
-            *frame,
-            positions.iter().map(|p| *p + place).collect(),
-            velocities,
-        )
+        let [place, velocity, spin] = self.start;
+        let middle = middle(&from.positions);
+        for (p, v) in from.positions.iter_mut().zip(&mut from.velocities) {
+            *v += velocity + spin.cross(*p - middle);
+            *p += place;
+        }
+        Checkpoint::of(from.frame, from.positions, from.velocities)
+    }
+
+    fn table(&mut self, is_bend: bool) -> &mut [f64] {
+        let material = &mut self.scene.material;
+        match is_bend {
+            true => material.bend.0.as_flattened_mut(),
+            false => material.stretch.0.as_flattened_mut(),
+        }
+    }
+
+    /// The slopes that `by` has of a run from `start`, in the places of the numbers; those of the
+    /// motion are elsewhere.
+    fn slopes(mut self, start: &Checkpoint, by: &Gradient) -> Self {
+        let (material, scene) = (&by.materials[0], &mut self.scene);
+        (scene.material.density, scene.material.damping) = (material.density, material.damping);
+        (scene.material.stretch.0, scene.material.bend.0) = (material.stretch, material.bend);
+        let air = &mut scene.environment;
+        (air.air_density, air.air_drag, air.wind) = (by.air_density, by.air_drag, by.wind);
+        let (middle, velocities) = (middle(&start.positions), &by.start.velocities);
+        let turns = start.positions.iter().zip(velocities);
+        let spin = turns.map(|(p, by)| (*p - middle).cross(*by)).sum();
+        self.start = [
+            by.start.positions.iter().sum(),
+            velocities.iter().sum(),
+            spin,
+        ];
+        self
     }
 }
 
@@ -100,48 +122,39 @@ impl What {
     /// The place of a number that is no factor.
     fn slot<'a>(&self, trial: &'a mut Trial) -> Option<&'a mut f64> {
         let Trial { scene, start } = trial;
-        Some(match *self {
-            Self::Table(..) => return None,
-            Self::Density => &mut scene.material.density,
-            Self::Damping => &mut scene.material.damping,
-            Self::AirDensity => &mut scene.environment.air_density,
-            Self::AirDrag => &mut scene.environment.air_drag,
-            Self::Wind(axis) => &mut scene.environment.wind[axis],
-            Self::Start(what, axis) => &mut start[what][axis],
-            Self::Keyframe([group, keyframe, axis]) => match &mut scene.motion {
-                Motion::Keyframes(motion) => {
-                    let keyframe = &mut motion.groups[group].keyframes[keyframe];
-                    if axis < 3 {
-                        &mut keyframe.translation[axis]
-                    } else {
-                        &mut keyframe.rotation_deg
-                    }
+        Some(match (self, &mut scene.motion) {
+            (Self::Density, _) => &mut scene.material.density,
+            (Self::Damping, _) => &mut scene.material.damping,
+            (Self::AirDensity, _) => &mut scene.environment.air_density,
+            (Self::AirDrag, _) => &mut scene.environment.air_drag,
+            (Self::Wind(axis), _) => &mut scene.environment.wind[*axis],
+            (Self::Start(what, axis), _) => &mut start[*what][*axis],
+            (Self::Keyframe([group, keyframe, axis]), Motion::Keyframes(motion)) => {
+                let keyframe = &mut motion.groups[*group].keyframes[*keyframe];
+                match axis {
+                    3 => &mut keyframe.rotation_deg,
+                    _ => &mut keyframe.translation[*axis],
                 }
-                _ => return None,
-            },
+            }
+            _ => return None,
         })
     }
 
     fn set(&self, trial: &mut Trial, value: f64) {
-        if let Some(slot) = self.slot(trial) {
-            *slot = value;
-        } else if let Self::Table(is_bend, entries) = self {
-            let material = &mut trial.scene.material;
-            let table = match is_bend {
-                true => material.bend.0.as_flattened_mut(),
-                false => material.stretch.0.as_flattened_mut(),
-            };
+        if let Self::Table(is_bend, entries) = self {
+            let table = trial.table(*is_bend);
             entries.iter().for_each(|entry| table[*entry] *= value);
+        } else if let Some(slot) = self.slot(trial) {
+            *slot = value;
         }
     }
 
     /// Which of several it is.
     fn which(&self) -> String {
-        let axis = |axis: usize| ["x", "y", "z", ""][axis];
         match self {
-            Self::Table(_, entries) => format!("{}", entries[0]),
-            Self::Wind(a) | Self::Start(_, a) => axis(*a).to_owned(),
-            Self::Keyframe([g, k, a]) => format!("group {g} keyframe {k} {}", axis(*a)),
+            Self::Table(_, entries) => format!("[{}]", entries[0]),
+            Self::Wind(a) | Self::Start(_, a) => ["x", "y", "z"][*a].to_owned(),
+            Self::Keyframe([g, k, a]) => format!("[{g}][{k}] {}", ["x", "y", "z", ""][*a]),
             _ => String::new(),
         }
     }
@@ -172,82 +185,59 @@ impl Number {
         let [low, high] = self.bounds;
         if self.is_scale { value * libm::log(high / low) } else { high - low }
     }
-
-    /// What `by`, the gradient of a run of `trial` from `start`, says of this number at `value`.
-    pub(super) fn slope(
-        &self,
-        value: f64,
-        trial: &Trial,
-        start: &Checkpoint,
-        by: &Gradient,
-    ) -> f64 {
-        let (material, fabric) = (&by.materials[0], &trial.scene.material);
-        match self.what {
-            What::Table(is_bend, ref entries) => {
-                let (slopes, table) = match is_bend {
-                    true => (material.bend.as_flattened(), fabric.bend.0.as_flattened()),
-                    false => (
-                        material.stretch.as_flattened(),
-                        fabric.stretch.0.as_flattened(),
-                    ),
-                };
-                entries
-                    .iter()
-                    .map(|entry| slopes[*entry] * table[*entry])
-                    .sum::<f64>()
-                    / value
-            }
-            What::Density => material.density,
-            What::Damping => material.damping,
-            What::AirDensity => by.air_density,
-            What::AirDrag => by.air_drag,
-            What::Wind(axis) => by.wind[axis],
-            What::Start(0, axis) => by.start.positions.iter().sum::<DVec3>()[axis],
-            What::Start(1, axis) => by.start.velocities.iter().sum::<DVec3>()[axis],
-            What::Start(_, axis) => {
-                let middle = middle(&start.positions);
-                let pairs = start.positions.iter().zip(&by.start.velocities);
-                pairs.map(|(p, by)| (*p - middle).cross(*by)).sum::<DVec3>()[axis]
-            }
-            What::Keyframe(_) => self.slope_of_path(value, trial, start.frame, &by.targets),
-        }
-    }
-
-    /// The same of the motion: a path is linear in its translations, and smooth in its angles.
-    fn slope_of_path(&self, value: f64, trial: &Trial, first: usize, by: &[Vec<DVec3>]) -> f64 {
-        const STEP: f64 = 1e-3;
-        let [before, after] = [-STEP, STEP].map(|step| {
-            let mut moved = trial.clone();
-            self.what.set(&mut moved, value + step);
-            moved.scene.handle_path()
-        });
-        let (Ok(before), Ok(after)) = (before, after) else {
-            return 0.0;
-        };
-        let (handles, rate) = (trial.scene.handles.len(), trial.scene.frame_rate);
-        let mut sum = 0.0;
-        for (frame, by) in by.iter().enumerate() {
-            let samples = (by.len() / handles) as f64;
-            for (k, by) in by.chunks(handles).enumerate() {
-                let time = ((first + frame) as f64 + (k + 1) as f64 / samples) / rate;
-                let moves = after.at(time).into_iter().zip(before.at(time));
-                sum += moves
-                    .zip(by)
-                    .map(|((a, b), by)| (a - b).dot(*by))
-                    .sum::<f64>();
-            }
-        }
-        sum / (2.0 * STEP)
-    }
 }
 
-/// Numbers of entries of a table of so many, those together that have one number in `of`.
+/// What `by`, the gradient of a run of `trial` from `start`, says of numbers at these values.
+pub(super) fn slopes<'a>(
+    numbers: impl Iterator<Item = (&'a Number, f64)>,
+    trial: &Trial,
+    start: &Checkpoint,
+    by: &Gradient,
+) -> Vec<f64> {
+    let (mut here, mut slopes) = (trial.clone(), trial.clone().slopes(start, by));
+    let slope = |(number, value): (&Number, f64)| match &number.what {
+        What::Table(is_bend, entries) => {
+            let (table, slopes) = (here.table(*is_bend), slopes.table(*is_bend));
+            entries.iter().map(|k| table[*k] * slopes[*k]).sum::<f64>() / value
+        }
+        What::Keyframe(_) => slope_of_path(&number.what, value, trial, start.frame, &by.targets),
+        what => what.slot(&mut slopes).map_or(0.0, |slope| *slope),
+    };
+    numbers.map(slope).collect()
+}
+
+/// The same of a number of the motion: a path is linear in its translations, and smooth in its angles.
+fn slope_of_path(what: &What, value: f64, trial: &Trial, first: usize, by: &[Vec<DVec3>]) -> f64 {
+    const STEP: f64 = 1e-3;
+    let paths = [-STEP, STEP].map(|step| {
+        let mut moved = trial.clone();
+        what.set(&mut moved, value + step);
+        moved.scene.handle_path()
+    });
+    let [Ok(before), Ok(after)] = paths else {
+        return 0.0;
+    };
+    let (handles, rate) = (trial.scene.handles.len(), trial.scene.frame_rate);
+    let mut sum = 0.0;
+    for (frame, by) in by.iter().enumerate() {
+        let samples = (by.len() / handles) as f64;
+        for (k, by) in by.chunks(handles).enumerate() {
+            let time = ((first + frame) as f64 + (k + 1) as f64 / samples) / rate;
+            let (after, before) = (after.at(time), before.at(time));
+            let moves = after.iter().zip(before).zip(by);
+            sum += moves.map(|((a, b), by)| (*a - b).dot(*by)).sum::<f64>();
+        }
+    }
+    sum / (2.0 * STEP)
+}
+
+/// Factors of the entries of a table, those together that have one number in `of`.
 fn tables(is_bend: bool, of: fn(usize) -> usize) -> Vec<What> {
-    let count = if is_bend { 15 } else { 24 };
     let mut groups: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    let count = if is_bend { 15 } else { 24 };
     (0..count).for_each(|entry| groups.entry(of(entry)).or_default().push(entry));
+    let groups = groups.into_values();
     groups
-        .into_values()
         .map(|entries| What::Table(is_bend, entries))
         .collect()
 }
@@ -256,24 +246,24 @@ fn keyframes(scene: &Scene, axes: Range<usize>) -> Result<Vec<What>> {
     let Motion::Keyframes(motion) = &scene.motion else {
         bail!("motion: that of the scene has no keyframes: write it with [motion.groups]");
     };
+    let mut releases = scene.schedule.releases.iter();
     ensure!(
-        scene
-            .schedule
-            .releases
-            .iter()
-            .all(|release| release.to.is_none()),
-        "motion: cannot be fitted where a handle takes hold again, which it does where the cloth is then: remove `to` from its release"
+        releases.all(|release| release.to.is_none()),
+        "motion: a handle takes hold again, where the cloth is then: remove `to` from its release"
     );
-    let groups = motion.groups.iter().enumerate();
-    let places = groups.flat_map(|(g, group)| (0..group.keyframes.len()).map(move |k| [g, k]));
-    let all = places.flat_map(|[g, k]| axes.clone().map(move |axis| What::Keyframe([g, k, axis])));
-    Ok(all.collect())
+    let mut all = Vec::new();
+    for (g, group) in motion.groups.iter().enumerate() {
+        for k in 0..group.keyframes.len() {
+            all.extend(axes.clone().map(|axis| What::Keyframe([g, k, axis])));
+        }
+    }
+    Ok(all)
 }
 
-/// The numbers that the `parts` of an order name, each with its name.
+/// The numbers that the `parts` of an order name.
 pub(super) fn numbers(scene: &Scene, parts: [(&str, &Bounds); 4]) -> Result<Vec<Number>> {
     let mut all = Vec::new();
-    let mut trial = Trial::of(scene, &[], &[]);
+    let mut trial = Trial::of(scene, std::iter::empty());
     let keys = parts
         .iter()
         .flat_map(|(part, keys)| keys.iter().map(move |key| (part, key)));
@@ -285,11 +275,7 @@ pub(super) fn numbers(scene: &Scene, parts: [(&str, &Bounds); 4]) -> Result<Vec<
             Some((stem, "z")) => (stem, 2..3),
             _ => (&*key, 0..3),
         };
-        let start = |what| {
-            axes.clone()
-                .map(move |axis| What::Start(what, axis))
-                .collect()
-        };
+        let of_start = |what| move |axis| What::Start(what, axis);
         let (unit, is_scale, found): (_, _, Vec<What>) = match stem {
             "material.stretch" => ("", true, tables(false, |_| 0)),
             "material.stretch_columns" => ("", true, tables(false, |entry| entry % 4)),
@@ -302,33 +288,30 @@ pub(super) fn numbers(scene: &Scene, parts: [(&str, &Bounds); 4]) -> Result<Vec<
             "environment.air_density" => ("kg/m³", false, vec![What::AirDensity]),
             "environment.air_drag" => ("kg/(m² s)", false, vec![What::AirDrag]),
             "environment.wind" => ("m/s", false, axes.map(What::Wind).collect()),
-            "start.place" if scene.handles.is_empty() => ("m", false, start(0)),
-            "start.place" => bail!("{key}: handles say where the cloth is: fit motion.translation"),
-            "start.velocity" => ("m/s", false, start(1)),
-            "start.spin" => ("rad/s", false, start(2)),
+            "start.place" => ("m", false, axes.map(of_start(0)).collect()),
+            "start.velocity" => ("m/s", false, axes.map(of_start(1)).collect()),
+            "start.spin" => ("rad/s", false, axes.map(of_start(2)).collect()),
             "motion.translation" => ("m", false, keyframes(scene, axes)?),
             "motion.rotation_deg" => ("°", false, keyframes(scene, 3..4)?),
             _ => bail!("{key}: there is no such number; known are {KNOWN}"),
         };
-        let rows = &scene.material.stretch.0;
-        ensure!(
-            stem != "material.stretch_entries" || rows.iter().any(|row| row != &rows[0]),
-            "{key}: the table says the same at all strains: take stretch_columns"
-        );
-        let [low, high] = bounds;
-        ensure!(
-            low < high
-                && high.is_finite()
-                && low >= if is_scale { f64::MIN_POSITIVE } else { f64::MIN },
-            "{key}: bounds are [least, most], of a scale positive; found [{low}, {high}]"
-        );
+        let (rows, [low, high]) = (&scene.material.stretch.0, bounds);
+        let is_law = rows.iter().any(|row| row != &rows[0]);
+        let problem = match stem {
+            "start.place" if !scene.handles.is_empty() => "handles say where the cloth is",
+            "material.stretch_entries" if !is_law => "the table has one row: take stretch_columns",
+            _ if !(low < high && high.is_finite()) => "bounds are [least, most]",
+            _ if is_scale && low <= 0.0 => "the lower bound must be positive",
+            _ => "",
+        };
+        ensure!(problem.is_empty(), "{key} = [{low}, {high}]: {problem}");
         let is_one = found.len() == 1;
         for what in found {
-            let name = if is_one { key.clone() } else { format!("{stem} {}", what.which()) };
             let first = what.slot(&mut trial).map_or(1.0, |slot| *slot);
+            let name = if is_one { key.clone() } else { format!("{stem} {}", what.which()) };
             ensure!(
                 (low..=high).contains(&first),
-                "{name}: the scene has {first}, where the search begins, which is not within {low} to {high}: widen the bounds, or change the scene"
+                "{name}: the search begins at the scene's {first}, beyond the bounds {low} to {high}: change these, or the scene"
             );
             all.push(Number {
                 name,
@@ -336,13 +319,15 @@ pub(super) fn numbers(scene: &Scene, parts: [(&str, &Bounds); 4]) -> Result<Vec<
                 bounds,
                 first,
                 is_scale,
+                value: first,
+                error: None,
                 what,
             });
         }
     }
     ensure!(
         (1..=MOST).contains(&all.len()),
-        "{} numbers are to be fitted, 1 to {MOST} can be: give bounds, as in material = {{ stretch = [0.2, 5.0] }}",
+        "{} numbers are to be found, 1 to {MOST} can be: give bounds, as material.stretch = [0.2, 5]",
         all.len()
     );
     Ok(all)

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use selvedge_cloth::Scene;
 use selvedge_data::Trajectory;
 use serde::Deserialize;
@@ -36,6 +36,10 @@ impl Mark {
     pub(super) fn place(&self) -> DVec3 {
         DVec3::new(self.x, self.y, self.z)
     }
+
+    fn at(&self) -> (usize, usize) {
+        (self.frame, self.vertex)
+    }
 }
 
 impl SeenFile {
@@ -43,73 +47,68 @@ impl SeenFile {
     pub(super) fn read(&self, folder: &Path, scene: &Scene) -> Result<Vec<Mark>> {
         let noise = self.noise.unwrap_or(1.0);
         let is_one = noise.is_finite() && noise > 0.0;
-        ensure!(
-            is_one,
-            "data.noise must be positive, in metres; found {noise}"
-        );
-        let (file, of): (_, fn(&Path, &Scene) -> Result<Vec<Mark>>) =
-            match (&self.markers, &self.trajectory) {
-                (Some(file), None) => (folder.join(file), table),
-                (None, Some(file)) => (folder.join(file), frames),
-                _ => bail!("data needs markers (.csv) or trajectory (.safetensors), one of them"),
-            };
-        of(&file, scene).with_context(|| file.display().to_string())
+        ensure!(is_one, "noise must be positive, in metres; found {noise}");
+        let (file, marks) = match (&self.markers, &self.trajectory) {
+            (Some(file), None) => (file, table(&folder.join(file))),
+            (None, Some(file)) => (file, frames(&folder.join(file), scene)),
+            _ => bail!("give markers (.csv) or trajectory (.safetensors), one of them"),
+        };
+        let marks = marks.and_then(|marks| check(marks, scene.mesh.positions().len()));
+        marks.with_context(|| folder.join(file).display().to_string())
     }
 }
 
-fn table(file: &Path, scene: &Scene) -> Result<Vec<Mark>> {
+fn table(file: &Path) -> Result<Vec<Mark>> {
     let mut reader = csv::ReaderBuilder::new();
     let mut reader = reader.trim(csv::Trim::All).from_path(file)?;
-    let rows = reader.deserialize().collect::<Result<Vec<Mark>, _>>();
-    let mut marks = rows.context("expected the columns frame,vertex,x,y,z, in metres")?;
-    ensure!(!marks.is_empty(), "nothing was seen: there is no row");
-    let vertices = scene.mesh.positions().len();
-    for (row, mark) in marks.iter().enumerate() {
-        let Mark { frame, vertex, .. } = mark;
-        let row = row + 2;
-        ensure!(
-            *vertex < vertices,
-            "line {row}: there is no vertex {vertex}: the scene has {vertices}, from 0"
-        );
-        ensure!(
-            *frame <= MOST_FRAMES,
-            "line {row}: frame {frame} is beyond {MOST_FRAMES}"
-        );
-        let is_seen = mark.place().is_finite();
-        ensure!(
-            is_seen,
-            "line {row}: is not finite: leave out what was not seen"
-        );
-    }
-    marks.sort_by_key(|mark| (mark.frame, mark.vertex));
-    let twice = marks
-        .windows(2)
-        .find(|two| (two[0].frame, two[0].vertex) == (two[1].frame, two[1].vertex));
-    if let Some([Mark { frame, vertex, .. }, _]) = twice {
-        bail!("vertex {vertex} is there twice in frame {frame}: leave out one of the lines");
-    }
-    Ok(marks)
+    let rows = reader.deserialize().collect::<Result<_, _>>();
+    rows.context("expected the columns frame,vertex,x,y,z, in metres")
 }
 
 fn frames(file: &Path, scene: &Scene) -> Result<Vec<Mark>> {
     let seen = Trajectory::read(file)?;
-    let (vertices, rate) = (scene.mesh.positions().len(), scene.frame_rate);
+    let found = (seen.vertex_count(), seen.frame_rate());
+    let expected = (scene.mesh.positions().len(), scene.frame_rate);
     ensure!(
-        (seen.vertex_count(), seen.frame_rate()) == (vertices, rate),
-        "has {} vertices and {} frames per second, the scene {vertices} and {rate}: they must be the same, otherwise take markers",
-        seen.vertex_count(),
-        seen.frame_rate()
+        found == expected,
+        "expected {expected:?} vertices and frames per second, as the scene has, found {found:?}"
     );
     let all = seen.positions().iter().enumerate();
-    let mark = |(number, place): (usize, &glam::Vec3)| {
+    let mark = |(number, place): (usize, &Vec3)| {
         let [x, y, z] = place.as_dvec3().to_array();
+        let (frame, vertex) = (number / expected.0, number % expected.0);
         Mark {
-            frame: number / vertices,
-            vertex: number % vertices,
+            frame,
+            vertex,
             x,
             y,
             z,
         }
     };
     Ok(all.map(mark).collect())
+}
+
+fn check(mut marks: Vec<Mark>, vertices: usize) -> Result<Vec<Mark>> {
+    ensure!(!marks.is_empty(), "nothing was seen: there is no row");
+    for (row, mark) in marks.iter().enumerate() {
+        let (row, Mark { frame, vertex, .. }) = (row + 1, mark);
+        let is_seen = mark.place().is_finite();
+        ensure!(
+            is_seen,
+            "row {row}: a number is not finite: leave out what was not seen"
+        );
+        ensure!(
+            *vertex < vertices && *frame <= MOST_FRAMES,
+            "row {row}: vertex {vertex} in frame {frame}: the scene has {vertices} vertices, from 0, and frames are at most {MOST_FRAMES}"
+        );
+    }
+    marks.sort_by_key(Mark::at);
+    let twice = marks.windows(2).find(|two| two[0].at() == two[1].at());
+    if let Some([one, _]) = twice {
+        bail!(
+            "frame and vertex {:?} are there twice: leave out one row",
+            one.at()
+        );
+    }
+    Ok(marks)
 }

@@ -5,7 +5,7 @@ use selvedge_lab::folder::{FolderKind, claim_folder};
 use serde_json::json;
 
 use crate::cli::FitArgs;
-use crate::output::{Answer, Facts, length};
+use crate::output::{Answer, End, Facts, length};
 use crate::{place, progress};
 
 /// Fits, and writes what was found.
@@ -35,17 +35,17 @@ pub(crate) fn run(args: &FitArgs) -> anyhow::Result<Answer> {
         "runs",
         format!("{runs}, {back} of them also back; {failed} failed"),
     );
-    if let Some(directions) = &fitted.directions {
-        let told = directions
-            .iter()
-            .filter(|direction| direction.is_told)
-            .count();
-        facts.add(
-            "told",
-            format!("{told} of {} combinations of numbers", directions.len()),
-        );
-    }
+    let end = match &fitted.directions {
+        None => End::Interrupted,
+        Some(directions) => {
+            let told = directions.iter().filter(|one| one.is_told).count();
+            facts.add(
+                "told",
+                format!("{told} of {} combinations", directions.len()),
+            );
+            End::Complete
+        }
+    };
     facts.add_paths("wrote", &wrote);
-    let report = json!({ "fit": fitted, "wrote": wrote });
-    Ok(facts.answer_at(fitted.end, report))
+    Ok(facts.answer_at(end, json!({ "fit": fitted, "wrote": wrote })))
 }
