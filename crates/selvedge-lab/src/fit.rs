@@ -19,12 +19,11 @@ use selvedge::{GradientSettings, rounded};
 use selvedge_cloth::{Checkpoint, Scene, Stepper};
 use selvedge_data::{LoadedScene, open_scene};
 use selvedge_sim::{SagError, Simulator, sag_gradient, sag_with_progress};
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
+use self::numbers::Bounds;
 pub use self::numbers::Number;
-use self::numbers::{Bounds, Trial};
-pub use self::report::write;
-use self::search::{Landscape, Look, Metric, Point, search};
+use self::search::{Landscape, Metric};
 use self::seen::{Mark, SeenFile};
 pub use self::told::Direction;
 use crate::event::{OnEvent, Reporter, Task};
@@ -53,21 +52,63 @@ struct OrderFile {
     motion: Bounds,
 }
 
-/// What is to be fitted to what.
-pub struct Order {
+/// What is to be fitted to what, and what was found.
+pub struct Fit {
     /// The scene, with the numbers where the first search begins.
     pub loaded: LoadedScene,
-    /// The numbers that are to be found.
+    /// The numbers, at the end with what was found.
     pub numbers: Vec<Number>,
+    /// Runs of all searches: forward, and of these also backward.
+    pub runs: [usize; 2],
+    /// Why runs failed.
+    pub failures: Vec<Error>,
+    /// Root mean square distance of a coordinate at the start and the end of each search `[mm]`.
+    pub searches: Vec<[f64; 2]>,
+    /// Standard deviation of a coordinate by which errors are reckoned `[mm]`: as the order has it, or
+    /// from the distances that are left.
+    pub noise: Option<f64>,
+    /// Combinations of numbers, the best told first; none where the fit was stopped before.
+    pub directions: Option<Vec<Direction>>,
     /// In order of their frames.
     marks: Vec<Mark>,
-    noise: Option<f64>,
     seed: u64,
     starts: usize,
-    runs: usize,
+    most: usize,
+    /// Where the motion begins; none in the rest pose, which moves with the fabric.
+    start: Option<Checkpoint>,
+    /// The last run that a search has reached; at the end that of what was found.
+    made: Option<Made>,
 }
 
-impl Order {
+/// A run that was made, at these parts of the bounds.
+struct Made {
+    at: Vec<f64>,
+    scene: Scene,
+    start: Checkpoint,
+    /// From each mark to its vertex `[mm]`, `[marks]`.
+    misses: Vec<DVec3>,
+    positions: Vec<Vec3>,
+}
+
+impl Made {
+    /// Mean square of the coordinates `[mm²]`.
+    fn value(&self) -> f64 {
+        let squares = self.misses.iter().map(|miss| miss.length_squared());
+        squares.sum::<f64>() / (3 * self.misses.len()) as f64
+    }
+}
+
+/// A search under way.
+struct Search<'a, 'r, 'e> {
+    fit: &'a mut Fit,
+    task: &'a Task<'r, 'e>,
+    /// Runs forward after which it ends.
+    most: usize,
+    /// The value where it began.
+    first: Option<f64>,
+}
+
+impl Fit {
     /// Reads an order (.toml); the files that it names are relative to it.
     ///
     /// # Errors
@@ -79,19 +120,23 @@ impl Order {
     fn of_file(path: &Path) -> Result<Self> {
         let text = selvedge_data::read_text(path).context("could not be read")?;
         let file: OrderFile = toml::from_str(&text)?;
-        let (starts, runs) = (file.starts.unwrap_or(1), file.runs.unwrap_or(60));
-        let is_some = (1..=1000).contains(&starts) && (1..=100_000).contains(&runs);
+        let (starts, most) = (file.starts.unwrap_or(1), file.runs.unwrap_or(60));
+        let is_some = (1..=1000).contains(&starts) && (1..=100_000).contains(&most);
         ensure!(
             is_some,
-            "starts must be 1 to 1000, runs 1 to 100000: {starts}, {runs}"
+            "starts must be 1 to 1000, runs 1 to 100000: {starts}, {most}"
         );
         let folder = path.parent().unwrap_or(Path::new(""));
         let beside = folder.join(&file.scene);
         let name = if beside.is_file() { beside.to_string_lossy() } else { file.scene.into() };
         let loaded = open_scene(&name).context("scene")?;
-        let parts = [
+        let (of_material, of_air) = (
             ("material", &file.material),
             ("environment", &file.environment),
+        );
+        let parts = [
+            of_material,
+            of_air,
             ("start", &file.start),
             ("motion", &file.motion),
         ];
@@ -99,10 +144,16 @@ impl Order {
             numbers: numbers::numbers(&loaded.scene, parts)?,
             marks: file.data.read(folder, &loaded.scene).context("data")?,
             loaded,
-            noise: file.data.noise,
+            noise: file.data.noise.map(|metres| 1e3 * metres),
             seed: file.seed.unwrap_or(0),
             starts,
-            runs,
+            most,
+            runs: [0; 2],
+            failures: Vec::new(),
+            searches: Vec::new(),
+            directions: None,
+            start: None,
+            made: None,
         })
     }
 
@@ -111,140 +162,88 @@ impl Order {
         let pairs = self.numbers.iter().zip(parts);
         pairs.map(|(number, part)| (number, number.at(*part)))
     }
-}
 
-/// What a fit has found.
-#[derive(Clone, Debug, Serialize)]
-pub struct Fitted {
-    /// The numbers.
-    pub numbers: Vec<Number>,
-    /// Root mean square distance of a coordinate `[m]`.
-    pub rms: f64,
-    /// Standard deviation of a coordinate by which errors are reckoned `[m]`: as the order has it, or
-    /// from the distances that are left.
-    pub noise: f64,
-    /// Marks that were fitted.
-    pub marks: usize,
-    /// The distance at the start and the end of each search `[mm]`, the scene's own start first; none
-    /// of one that failed.
-    pub searches: Vec<Option<[f64; 2]>>,
-    /// Runs of all searches: forward, and of these also backward.
-    pub runs: [usize; 2],
-    /// Runs that failed.
-    pub failed: usize,
-    /// Combinations of numbers, the best told first; none after an interruption.
-    pub directions: Option<Vec<Direction>>,
-    /// The scene with the numbers in it.
-    #[serde(skip)]
-    pub scene: Scene,
-    /// Where its motion begins.
-    #[serde(skip)]
-    pub start: Checkpoint,
-    /// Positions of its run `[m]`, `[frames + 1][vertices]`, up to the last mark.
-    #[serde(skip)]
-    pub positions: Vec<Vec3>,
-}
-
-/// A run that was made.
-struct Made {
-    trial: Trial,
-    start: Checkpoint,
-    /// From each mark to its vertex `[m]`, `[marks]`.
-    misses: Vec<DVec3>,
-    positions: Vec<Vec3>,
-}
-
-impl Made {
-    /// Mean square of the coordinates `[mm²]`.
-    fn value(&self) -> f64 {
-        let squares = self.misses.iter().map(|miss| miss.length_squared());
-        1e6 * squares.sum::<f64>() / (3 * self.misses.len()) as f64
-    }
-}
-
-/// A fit under way.
-struct Fit<'a, 'r, 'e> {
-    order: &'a Order,
-    /// Where the motion begins; none in the rest pose, which moves with the fabric.
-    start: Option<Checkpoint>,
-    task: Task<'r, 'e>,
-    runs: [usize; 2],
-    /// Runs forward after which this search ends.
-    most: usize,
-    failures: Vec<Error>,
-    /// The value where this search began, and the last run that it reached.
-    first: Option<f64>,
-    last: Option<(Vec<f64>, Made)>,
-}
-
-impl Fit<'_, '_, '_> {
     /// Makes a run, and the solver with its record; none where it was stopped.
-    fn run(&self, at: &[f64], records: bool) -> Result<Option<(Made, Simulator)>> {
-        let (order, task) = (self.order, &self.task);
-        let trial = Trial::of(&order.loaded.scene, order.at(at));
-        let flow = |is_stopped| match is_stopped {
-            true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
+    fn run(
+        &self,
+        at: &[f64],
+        records: bool,
+        task: &Task<'_, '_>,
+    ) -> Result<Option<(Made, Simulator)>> {
+        let (scene, begin) = numbers::placed(&self.loaded.scene, self.at(at))?;
+        let flow = |is_stopped| {
+            if is_stopped { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
         let start = match &self.start {
             Some(start) => start.clone(),
-            None => match sag_with_progress(&trial.scene, &mut |_| flow(task.is_stopped())) {
+            None => match sag_with_progress(&scene, &mut |_| flow(task.is_stopped())) {
                 Err(SagError::Stopped { .. }) => return Ok(None),
                 found => Checkpoint::at_rest(found.context("the rest pose")?.positions),
             },
         };
-        let start = trial.begin(start);
-        let mut solver = simulator_of_run(&trial.scene, &start)?;
+        let start = begin(start);
+        let mut solver = simulator_of_run(&scene, &start)?;
         if records {
             solver.record_gradient(GradientSettings::default())?;
         }
-        let mut path = trial.scene.handle_path()?;
+        let mut path = scene.handle_path()?;
         let (mut positions, mut misses) = (rounded(&start.positions), Vec::new());
-        let mut marks = order.marks.iter().peekable();
-        for frame in 0..=order.marks.last().map_or(0, |mark| mark.frame) {
+        let mut marks = self.marks.iter().peekable();
+        for frame in 0..=self.marks.last().map_or(0, |mark| mark.frame) {
             if task.is_stopped() {
                 return Ok(None);
             }
             if frame > 0 {
-                solver.step(&path.next(&solver, trial.scene.physics.substeps as usize)?)?;
+                solver.step(&path.next(&solver, scene.physics.substeps as usize)?)?;
                 positions.extend_from_slice(solver.positions());
             }
             while let Some(mark) = marks.next_if(|mark| mark.frame == frame) {
-                misses.push(solver.positions_f64()[mark.vertex] - mark.place());
+                misses.push(1e3 * (solver.positions_f64()[mark.vertex] - mark.place()));
             }
         }
         let _ = task.advance();
-        let made = Made {
-            trial,
-            start,
-            misses,
-            positions,
-        };
-        Ok(Some((made, solver)))
+        let at = at.to_vec();
+        Ok(Some((
+            Made {
+                at,
+                scene,
+                start,
+                misses,
+                positions,
+            },
+            solver,
+        )))
     }
 
     /// The derivatives of the value by the parts of the numbers.
-    fn slope(&self, at: &[f64], made: &Made, solver: &mut Simulator) -> Result<Vec<f64>> {
-        let scale = 2e6 / (3 * made.misses.len()) as f64;
-        let mut left = self.order.marks.iter().zip(&made.misses).rev().peekable();
+    fn slope(&self, made: &Made, solver: &mut Simulator) -> Result<Vec<f64>> {
+        let Made {
+            at,
+            scene,
+            start,
+            misses,
+            ..
+        } = made;
+        let scale = 2e3 / (3 * misses.len()) as f64;
+        let mut left = self.marks.iter().zip(misses).rev().peekable();
         let mut by = solver.backward(&mut |frame, by| {
             while let Some((mark, miss)) = left.next_if(|(mark, _)| mark.frame == frame) {
                 by.positions[mark.vertex] += *miss * scale;
             }
         })?;
-        let (scene, start) = (&made.trial.scene, &made.start);
         if self.start.is_none() {
             let rest = sag_gradient(scene, &start.positions, &by.start.positions)?;
             let (sum, rest) = (&mut by.materials[0], &rest.materials[0]);
-            let add = |sums: &mut [f64], by: &[f64]| {
-                sums.iter_mut().zip(by).for_each(|(sum, by)| *sum += by);
-            };
+            let (sums, by) = (sum.stretch.as_flattened_mut(), rest.stretch.as_flattened());
+            let stretch = sums.iter_mut().zip(by);
+            let (sums, by) = (sum.bend.as_flattened_mut(), rest.bend.as_flattened());
+            stretch
+                .chain(sums.iter_mut().zip(by))
+                .for_each(|(sum, by)| *sum += by);
             sum.density += rest.density;
-            add(sum.stretch.as_flattened_mut(), rest.stretch.as_flattened());
-            add(sum.bend.as_flattened_mut(), rest.bend.as_flattened());
         }
-        let slopes = numbers::slopes(self.order.at(at), &made.trial, start, &by);
-        let pairs = self.order.at(at).zip(slopes);
+        let slopes = numbers::slopes(self.at(at), scene, start, &by)?;
+        let pairs = self.at(at).zip(slopes);
         Ok(pairs
             .map(|((number, value), slope)| slope * number.rate(value))
             .collect())
@@ -252,13 +251,20 @@ impl Fit<'_, '_, '_> {
 
     /// How the misses change with each number, in parts of its bounds: `[numbers][coordinates]`, from
     /// those `here` on or, without them, to both sides. None where it was stopped.
-    fn changes(&self, at: &[f64], here: Option<&[DVec3]>) -> Result<Option<Vec<Vec<f64>>>> {
+    fn changes(
+        &self,
+        at: &[f64],
+        here: Option<&[DVec3]>,
+        task: &Task<'_, '_>,
+    ) -> Result<Option<Vec<Vec<f64>>>> {
         let mut changes = Vec::new();
         for number in 0..at.len() {
             let beside = |step: f64| -> Result<Option<(f64, Vec<DVec3>)>> {
                 let mut moved = at.to_vec();
                 moved[number] = (at[number] + step).clamp(0.0, 1.0);
-                let made = self.run(&moved, false).context("a change of the numbers")?;
+                let made = self
+                    .run(&moved, false, task)
+                    .context("a change of the numbers")?;
                 Ok(made.map(|(made, _)| (moved[number], made.misses)))
             };
             let step = if at[number] > 0.5 { -CHANGE } else { CHANGE };
@@ -279,131 +285,118 @@ impl Fit<'_, '_, '_> {
         Ok(Some(changes))
     }
 
-    /// As [`Landscape::look`]; none where it is stopped.
-    fn try_at(&mut self, at: &[f64], bound: f64) -> Result<Option<Look>> {
-        if self.runs[0] >= self.most {
-            return Ok(None);
+    /// So many searches, the first from the scene's own numbers, the others from places within the bounds
+    /// that the seed chooses; then looks at what the data tell. Returns false where it was stopped before
+    /// the first run had ended.
+    ///
+    /// # Errors
+    /// A start that cannot be had; a solver that fails, or has no gradients, at the start of every search.
+    pub fn search(&mut self, on_event: &mut OnEvent<'_>) -> Result<bool> {
+        let reporter = Reporter::new(on_event);
+        let scene = selvedge::Scene::from(self.loaded.clone());
+        if !scene.begins_at_rest() {
+            self.start = Some(scene.start(&mut reporter.listener())?.state);
         }
-        self.runs[0] += 1;
-        let Some((made, mut solver)) = self.run(at, true)? else {
-            return Ok(None);
+        let what = format!("fitting {}", self.loaded.scene.name);
+        let task = reporter.count(&what, self.starts * self.most, "runs at most");
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        let mut best: Option<Made> = None;
+        for number in 0..self.starts {
+            let numbers = self.numbers.iter();
+            let at = match number {
+                0 => numbers.map(Number::part).collect(),
+                _ => numbers.map(|_| rng.random()).collect(),
+            };
+            let most = self.runs[0] + self.most;
+            let mut search = Search {
+                fit: &mut *self,
+                task: &task,
+                most,
+                first: None,
+            };
+            search::search(at, &mut search);
+            let first = search.first;
+            if let (Some(first), Some(found)) = (first, self.made.take()) {
+                self.searches.push([first, found.value()].map(f64::sqrt));
+                let all = best.into_iter().chain([found]);
+                best = all.min_by(|a, b| a.value().total_cmp(&b.value()));
+            }
+            if task.is_stopped() {
+                break;
+            }
+        }
+        drop(task);
+        let Some(made) = best else {
+            let why = self.failures.pop();
+            return why.map_or(
+                Ok(false),
+                |why| Err(why.context("where the searches begin")),
+            );
         };
-        let value = made.value();
-        tracing::debug!("run {}: {:.4} mm at {at:?}", self.runs[0], value.sqrt());
-        if value > bound {
-            return Ok(Some(Look::Above(value)));
+        let task = reporter.count("looking at what the data tell", 2 * made.at.len(), "runs");
+        let (all, numbers) = ((3 * made.misses.len()) as f64, made.at.len() as f64);
+        let left = (made.value() * all / (all - numbers).max(1.0)).sqrt();
+        let noise = *self.noise.get_or_insert(left.max(f64::MIN_POSITIVE));
+        let changes = if task.is_stopped() { None } else { self.changes(&made.at, None, &task)? };
+        let told = changes.map(|changes| told::directions(&changes, noise));
+        let (directions, errors) = told.unzip();
+        let errors = errors.unwrap_or_else(|| vec![f64::NAN; made.at.len()]);
+        for ((number, part), error) in self.numbers.iter_mut().zip(&made.at).zip(errors) {
+            number.value = number.at(*part);
+            number.error = error * number.rate(number.value);
         }
-        self.task.note(&format!("{:.3} mm off", value.sqrt()));
-        self.runs[1] += 1;
-        let (at, slope) = (at.to_vec(), self.slope(at, &made, &mut solver)?);
-        self.first.get_or_insert(value);
-        self.last = Some((at.clone(), made));
-        Ok(Some(Look::Reached(Point { at, value, slope })))
+        (self.directions, self.made) = (directions, Some(made));
+        Ok(true)
     }
 }
 
-impl Landscape for Fit<'_, '_, '_> {
-    fn look(&mut self, at: &[f64], bound: f64) -> Look {
-        let found = self.try_at(at, bound);
-        found.map_or_else(
-            |error| {
-                self.failures.push(error);
-                Look::Failed
-            },
-            |found| found.unwrap_or(Look::Stop),
-        )
+impl Search<'_, '_, '_> {
+    fn try_at(&mut self, at: &[f64], bound: f64) -> Result<Option<(f64, Vec<f64>)>> {
+        let Some((made, mut solver)) = self.fit.run(at, true, self.task)? else {
+            return Ok(None);
+        };
+        let value = made.value();
+        tracing::debug!("run {}: {:.4} mm at {at:?}", self.fit.runs[0], value.sqrt());
+        if value > bound {
+            return Ok(Some((value, Vec::new())));
+        }
+        self.task.note(&format!("{:.3} mm off", value.sqrt()));
+        self.fit.runs[1] += 1;
+        let slope = self.fit.slope(&made, &mut solver)?;
+        self.first.get_or_insert(value);
+        self.fit.made = Some(made);
+        Ok(Some((value, slope)))
+    }
+}
+
+impl Landscape for Search<'_, '_, '_> {
+    fn look(&mut self, at: &[f64], bound: f64) -> Option<(f64, Vec<f64>)> {
+        if self.fit.runs[0] >= self.most {
+            return None;
+        }
+        self.fit.runs[0] += 1;
+        self.try_at(at, bound).unwrap_or_else(|error| {
+            self.fit.failures.push(error);
+            Some((f64::INFINITY, Vec::new()))
+        })
     }
 
     /// The Gauss-Newton matrix of few numbers; of many, or where a run fails, what the value says alone.
     fn metric(&mut self) -> Metric {
-        let Some((at, made)) = &self.last else {
+        let Some(Made { at, misses, .. }) = &self.fit.made else {
             return Metric::of(Vec::new(), 0.0);
         };
-        let value = made.value();
-        // What is noise is no fault of the numbers.
-        let noise = 1e6 * self.order.noise.unwrap_or(0.0).powi(2);
+        let value = self.fit.made.as_ref().map_or(0.0, Made::value);
         let mut matrix = vec![vec![0.0; at.len()]; at.len()];
         if at.len() <= FEW
-            && let Ok(Some(changes)) = self.changes(at, Some(&made.misses))
+            && let Ok(Some(changes)) = self.fit.changes(at, Some(misses), self.task)
         {
-            // The value is a mean of squares in mm².
-            matrix = told::gauss_newton(&changes, (1.5e-6 * made.misses.len() as f64).sqrt());
-            self.runs[0] += at.len();
+            // The value is a mean of squares.
+            matrix = told::gauss_newton(&changes, (1.5 * misses.len() as f64).sqrt());
+            self.fit.runs[0] += at.len();
         }
+        // What is noise is no fault of the numbers.
+        let noise = self.fit.noise.unwrap_or(0.0).powi(2);
         Metric::of(matrix, (value - noise).max(0.01 * value))
     }
-}
-
-/// Fits the numbers of an order: so many searches, the first from the scene's own numbers, the others from
-/// places within the bounds that the seed chooses; then looks at what the data tell. None where it
-/// was stopped before the first run had ended.
-///
-/// # Errors
-/// A start that cannot be had; a solver that fails, or has no gradients, at the start of every search.
-pub fn fit(order: &Order, on_event: &mut OnEvent<'_>) -> Result<Option<Fitted>> {
-    let reporter = Reporter::new(on_event);
-    let scene = selvedge::Scene::from(order.loaded.clone());
-    let is_at_rest = scene.begins_at_rest();
-    let start = (!is_at_rest).then(|| scene.start(&mut reporter.listener()));
-    let what = format!("fitting {}", order.loaded.scene.name);
-    let mut fit = Fit {
-        order,
-        start: start.transpose()?.map(|start| start.state),
-        task: reporter.count(&what, order.starts * order.runs, "runs at most"),
-        runs: [0; 2],
-        most: 0,
-        failures: Vec::new(),
-        first: None,
-        last: None,
-    };
-    let mut rng = ChaCha8Rng::seed_from_u64(order.seed);
-    let (mut best, mut searches): (Option<(Vec<f64>, Made)>, _) = (None, Vec::new());
-    for number in 0..order.starts {
-        let numbers = order.numbers.iter();
-        let first = match number {
-            0 => numbers.map(Number::part).collect(),
-            _ => numbers.map(|_| rng.random()).collect(),
-        };
-        (fit.most, fit.first) = (fit.runs[0] + order.runs, None);
-        search(first, &mut fit);
-        let found = fit.last.take();
-        let ends = fit.first.zip(found.as_ref());
-        searches.push(ends.map(|(from, (_, made))| [from.sqrt(), made.value().sqrt()]));
-        let all = best.into_iter().chain(found);
-        best = all.min_by(|a, b| a.1.value().total_cmp(&b.1.value()));
-        if fit.task.is_stopped() {
-            break;
-        }
-    }
-    let Some((at, made)) = best else {
-        let why = fit.failures.into_iter().next();
-        return why.map_or(Ok(None), |why| Err(why.context("where the searches begin")));
-    };
-    fit.task = reporter.count("looking at what the data tell", 2 * at.len(), "runs");
-    let rms = 1e-3 * made.value().sqrt();
-    let coordinates = (3 * order.marks.len()) as f64;
-    let left = rms * (coordinates / (coordinates - at.len() as f64).max(1.0)).sqrt();
-    let noise = order.noise.unwrap_or(left).max(f64::MIN_POSITIVE);
-    let changes = if fit.task.is_stopped() { None } else { fit.changes(&at, None)? };
-    let told = changes.map(|changes| told::directions(&changes, noise));
-    let (directions, errors) = told.unzip();
-    let mut numbers = order.numbers.clone();
-    let errors = errors.unwrap_or_else(|| vec![None; at.len()]);
-    for ((number, part), error) in numbers.iter_mut().zip(&at).zip(errors) {
-        number.value = number.at(*part);
-        number.error = error.map(|error| error * number.rate(number.value));
-    }
-    Ok(Some(Fitted {
-        numbers,
-        rms,
-        noise,
-        marks: order.marks.len(),
-        searches,
-        runs: fit.runs,
-        failed: fit.failures.len(),
-        directions,
-        scene: made.trial.scene,
-        start: made.start,
-        positions: made.positions,
-    }))
 }

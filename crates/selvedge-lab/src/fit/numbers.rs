@@ -1,21 +1,36 @@
 //! The numbers of a scene that are to be found: where each stands in it, its bounds, and what a gradient
-//! says of it.
+//! says of it. A scene and its slopes are JSON of one shape, in which a number has pointers.
 
 use std::collections::BTreeMap;
-use std::ops::Range;
 
 use anyhow::{Result, bail, ensure};
 use glam::DVec3;
 use selvedge::Gradient;
-use selvedge_cloth::{Checkpoint, Motion, Scene};
+use selvedge_cloth::{Checkpoint, HandlePath, Scene};
 use serde::Serialize;
+use serde_json::{Value, json};
 
 /// Numbers at most: each takes two runs at the end.
 const MOST: usize = 500;
-/// What an order can name.
-const KNOWN: &str = "material.stretch, stretch_columns, stretch_entries, bend, bend_rows, \
-    bend_entries, density, damping; environment.air_density, air_drag, wind; start.place, velocity, \
-    spin; motion.translation, rotation_deg; of a vector also one axis, as wind_x";
+/// What an order can name, with its unit. Those without one are factors of entries of a table.
+const KEYS: [(&str, &str); 16] = [
+    ("material.stretch", ""),
+    ("material.stretch_columns", ""),
+    ("material.stretch_entries", ""),
+    ("material.bend", ""),
+    ("material.bend_rows", ""),
+    ("material.bend_entries", ""),
+    ("material.density", "kg/m²"),
+    ("material.damping", "s"),
+    ("environment.air_density", "kg/m³"),
+    ("environment.air_drag", "kg/(m² s)"),
+    ("environment.wind", "m/s"),
+    ("start.place", "m"),
+    ("start.velocity", "m/s"),
+    ("start.spin", "rad/s"),
+    ("motion.translation", "m"),
+    ("motion.rotation_deg", "°"),
+];
 
 /// Bounds by their keys: a part of an order.
 pub(super) type Bounds = BTreeMap<String, [f64; 2]>;
@@ -35,129 +50,62 @@ pub struct Number {
     pub is_scale: bool,
     /// What was found.
     pub value: f64,
-    /// Its standard error; none where the data do not tell it, or nobody has looked.
-    pub error: Option<f64>,
+    /// Its standard error; infinite where the data do not tell it, and not a number where nobody has
+    /// looked: null in JSON.
+    pub error: f64,
     #[serde(skip)]
-    what: What,
+    pointers: Vec<String>,
 }
 
-#[derive(Clone, Debug)]
-enum What {
-    /// A factor of entries of the table of bending or, otherwise, of stretching.
-    Table(bool, Vec<usize>),
-    Density,
-    Damping,
-    AirDensity,
-    AirDrag,
-    Wind(usize),
-    /// Place, velocity or spin, along an axis.
-    Start(usize, usize),
-    /// Of a group and a keyframe, its translation along an axis or, as the fourth, its angle.
-    Keyframe([usize; 3]),
+/// What of a scene can be found.
+fn document(scene: &Scene) -> Result<Value> {
+    let zero = DVec3::ZERO;
+    Ok(json!({
+        "material": serde_json::to_value(&scene.material)?,
+        "environment": serde_json::to_value(scene.environment)?,
+        "start": { "place": zero, "velocity": zero, "spin": zero },
+        "motion": serde_json::to_value(&scene.motion)?,
+    }))
 }
 
-/// A scene with numbers in their places.
-#[derive(Clone)]
-pub(super) struct Trial {
-    pub(super) scene: Scene,
-    start: [DVec3; 3],
-}
-
-impl Trial {
-    /// The scene `base` with numbers at these values.
-    pub(super) fn of<'a>(base: &Scene, numbers: impl Iterator<Item = (&'a Number, f64)>) -> Self {
-        let (scene, start) = (base.clone(), [DVec3::ZERO; 3]);
-        let mut trial = Self { scene, start };
-        numbers.for_each(|(number, value)| number.what.set(&mut trial, value));
-        trial
+/// The scene `base` with numbers at these values, and its start, moved and set in motion.
+pub(super) fn placed<'a>(
+    base: &Scene,
+    numbers: impl Iterator<Item = (&'a Number, f64)>,
+) -> Result<(Scene, impl Fn(Checkpoint) -> Checkpoint)> {
+    let (mut scene, mut document) = (base.clone(), document(base)?);
+    for (number, value) in numbers {
+        for pointer in &number.pointers {
+            let slot = document
+                .pointer_mut(pointer)
+                .and_then(|slot| Some((slot.as_f64()?, slot)));
+            if let Some((was, slot)) = slot {
+                *slot = json!(if number.unit.is_empty() { was * value } else { value });
+            }
+        }
     }
-
-    /// The start `from`, moved and set in motion.
-    pub(super) fn begin(&self, mut from: Checkpoint) -> Checkpoint {
-        if self.start == [DVec3::ZERO; 3] {
+    scene.material = serde_json::from_value(document["material"].take())?;
+    scene.environment = serde_json::from_value(document["environment"].take())?;
+    scene.motion = serde_json::from_value(document["motion"].take())?;
+    let start = &document["start"];
+    let [place, velocity, spin]: [DVec3; 3] =
+        serde_json::from_value(json!([start["place"], start["velocity"], start["spin"]]))?;
+    let begin = move |mut from: Checkpoint| {
+        if [place, velocity, spin] == [DVec3::ZERO; 3] {
             return from;
         }
-        let [place, velocity, spin] = self.start;
         let middle = middle(&from.positions);
         for (p, v) in from.positions.iter_mut().zip(&mut from.velocities) {
             *v += velocity + spin.cross(*p - middle);
             *p += place;
         }
         Checkpoint::of(from.frame, from.positions, from.velocities)
-    }
-
-    fn table(&mut self, is_bend: bool) -> &mut [f64] {
-        let material = &mut self.scene.material;
-        match is_bend {
-            true => material.bend.0.as_flattened_mut(),
-            false => material.stretch.0.as_flattened_mut(),
-        }
-    }
-
-    /// The slopes that `by` has of a run from `start`, in the places of the numbers; those of the
-    /// motion are elsewhere.
-    fn slopes(mut self, start: &Checkpoint, by: &Gradient) -> Self {
-        let (material, scene) = (&by.materials[0], &mut self.scene);
-        (scene.material.density, scene.material.damping) = (material.density, material.damping);
-        (scene.material.stretch.0, scene.material.bend.0) = (material.stretch, material.bend);
-        let air = &mut scene.environment;
-        (air.air_density, air.air_drag, air.wind) = (by.air_density, by.air_drag, by.wind);
-        let (middle, velocities) = (middle(&start.positions), &by.start.velocities);
-        let turns = start.positions.iter().zip(velocities);
-        let spin = turns.map(|(p, by)| (*p - middle).cross(*by)).sum();
-        self.start = [
-            by.start.positions.iter().sum(),
-            velocities.iter().sum(),
-            spin,
-        ];
-        self
-    }
+    };
+    Ok((scene, begin))
 }
 
 fn middle(places: &[DVec3]) -> DVec3 {
     places.iter().sum::<DVec3>() / places.len() as f64
-}
-
-impl What {
-    /// The place of a number that is no factor.
-    fn slot<'a>(&self, trial: &'a mut Trial) -> Option<&'a mut f64> {
-        let Trial { scene, start } = trial;
-        Some(match (self, &mut scene.motion) {
-            (Self::Density, _) => &mut scene.material.density,
-            (Self::Damping, _) => &mut scene.material.damping,
-            (Self::AirDensity, _) => &mut scene.environment.air_density,
-            (Self::AirDrag, _) => &mut scene.environment.air_drag,
-            (Self::Wind(axis), _) => &mut scene.environment.wind[*axis],
-            (Self::Start(what, axis), _) => &mut start[*what][*axis],
-            (Self::Keyframe([group, keyframe, axis]), Motion::Keyframes(motion)) => {
-                let keyframe = &mut motion.groups[*group].keyframes[*keyframe];
-                match axis {
-                    3 => &mut keyframe.rotation_deg,
-                    _ => &mut keyframe.translation[*axis],
-                }
-            }
-            _ => return None,
-        })
-    }
-
-    fn set(&self, trial: &mut Trial, value: f64) {
-        if let Self::Table(is_bend, entries) = self {
-            let table = trial.table(*is_bend);
-            entries.iter().for_each(|entry| table[*entry] *= value);
-        } else if let Some(slot) = self.slot(trial) {
-            *slot = value;
-        }
-    }
-
-    /// Which of several it is.
-    fn which(&self) -> String {
-        match self {
-            Self::Table(_, entries) => format!("[{}]", entries[0]),
-            Self::Wind(a) | Self::Start(_, a) => ["x", "y", "z"][*a].to_owned(),
-            Self::Keyframe([g, k, a]) => format!("[{g}][{k}] {}", ["x", "y", "z", ""][*a]),
-            _ => String::new(),
-        }
-    }
 }
 
 impl Number {
@@ -185,130 +133,153 @@ impl Number {
         let [low, high] = self.bounds;
         if self.is_scale { value * libm::log(high / low) } else { high - low }
     }
+
+    /// Derivative of the sum of the targets, each times its slope in `by`, by this number of the motion: a
+    /// path is linear in its translations, and smooth in its angles.
+    fn slope_of_path(&self, value: f64, scene: &Scene, first: usize, by: &Gradient) -> Result<f64> {
+        const STEP: f64 = 1e-3;
+        let path = |step| -> Result<HandlePath> {
+            Ok(placed(scene, [(self, value + step)].into_iter())?
+                .0
+                .handle_path()?)
+        };
+        let (before, after) = (path(-STEP)?, path(STEP)?);
+        let (handles, mut sum) = (scene.handles.len(), 0.0);
+        for (frame, by) in by.targets.iter().enumerate() {
+            let samples = (by.len() / handles) as f64;
+            for (k, by) in by.chunks(handles).enumerate() {
+                let frames = (first + frame) as f64 + (k + 1) as f64 / samples;
+                let [after, before] =
+                    [&after, &before].map(|path| path.at(frames / scene.frame_rate));
+                let moves = after.iter().zip(before).zip(by);
+                sum += moves.map(|((a, b), by)| (*a - b).dot(*by)).sum::<f64>();
+            }
+        }
+        Ok(sum / (2.0 * STEP))
+    }
 }
 
-/// What `by`, the gradient of a run of `trial` from `start`, says of numbers at these values.
+/// What `by`, the gradient of a run of `scene` from `start`, says of numbers at these values.
 pub(super) fn slopes<'a>(
     numbers: impl Iterator<Item = (&'a Number, f64)>,
-    trial: &Trial,
+    scene: &Scene,
     start: &Checkpoint,
     by: &Gradient,
-) -> Vec<f64> {
-    let (mut here, mut slopes) = (trial.clone(), trial.clone().slopes(start, by));
-    let slope = |(number, value): (&Number, f64)| match &number.what {
-        What::Table(is_bend, entries) => {
-            let (table, slopes) = (here.table(*is_bend), slopes.table(*is_bend));
-            entries.iter().map(|k| table[*k] * slopes[*k]).sum::<f64>() / value
+) -> Result<Vec<f64>> {
+    let (here, fabric) = (document(scene)?, &by.materials[0]);
+    let (middle, velocities) = (middle(&start.positions), &by.start.velocities);
+    let turns = start.positions.iter().zip(velocities);
+    let slopes = json!({
+        "material": {
+            "density": fabric.density, "damping": fabric.damping,
+            "stretch": fabric.stretch, "bend": fabric.bend,
+        },
+        "environment": { "air_density": by.air_density, "air_drag": by.air_drag, "wind": by.wind },
+        "start": {
+            "place": by.start.positions.iter().sum::<DVec3>(),
+            "velocity": velocities.iter().sum::<DVec3>(),
+            "spin": turns.map(|(p, by)| (*p - middle).cross(*by)).sum::<DVec3>(),
+        },
+    });
+    let read =
+        |of: &Value, pointer: &str| of.pointer(pointer).and_then(Value::as_f64).unwrap_or(0.0);
+    let slope = |(number, value): (&Number, f64)| match number.unit {
+        _ if number.name.starts_with("motion") => {
+            number.slope_of_path(value, scene, start.frame, by)
         }
-        What::Keyframe(_) => slope_of_path(&number.what, value, trial, start.frame, &by.targets),
-        what => what.slot(&mut slopes).map_or(0.0, |slope| *slope),
+        "" => {
+            let entry = |at: &String| read(&slopes, at) * read(&here, at) / value;
+            Ok(number.pointers.iter().map(entry).sum())
+        }
+        _ => Ok(read(&slopes, &number.pointers[0])),
     };
     numbers.map(slope).collect()
 }
 
-/// The same of a number of the motion: a path is linear in its translations, and smooth in its angles.
-fn slope_of_path(what: &What, value: f64, trial: &Trial, first: usize, by: &[Vec<DVec3>]) -> f64 {
-    const STEP: f64 = 1e-3;
-    let paths = [-STEP, STEP].map(|step| {
-        let mut moved = trial.clone();
-        what.set(&mut moved, value + step);
-        moved.scene.handle_path()
-    });
-    let [Ok(before), Ok(after)] = paths else {
-        return 0.0;
-    };
-    let (handles, rate) = (trial.scene.handles.len(), trial.scene.frame_rate);
-    let mut sum = 0.0;
-    for (frame, by) in by.iter().enumerate() {
-        let samples = (by.len() / handles) as f64;
-        for (k, by) in by.chunks(handles).enumerate() {
-            let time = ((first + frame) as f64 + (k + 1) as f64 / samples) / rate;
-            let (after, before) = (after.at(time), before.at(time));
-            let moves = after.iter().zip(before).zip(by);
-            sum += moves.map(|((a, b), by)| (*a - b).dot(*by)).sum::<f64>();
+/// The pointers of all numbers below `path`.
+fn leaves(value: &Value, path: String, into: &mut Vec<String>) {
+    match value {
+        Value::Number(_) => into.push(path),
+        Value::Array(all) => {
+            let all = all.iter().enumerate();
+            all.for_each(|(key, value)| leaves(value, format!("{path}/{key}"), into));
         }
-    }
-    sum / (2.0 * STEP)
-}
-
-/// Factors of the entries of a table, those together that have one number in `of`.
-fn tables(is_bend: bool, of: fn(usize) -> usize) -> Vec<What> {
-    let mut groups: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
-    let count = if is_bend { 15 } else { 24 };
-    (0..count).for_each(|entry| groups.entry(of(entry)).or_default().push(entry));
-    let groups = groups.into_values();
-    groups
-        .map(|entries| What::Table(is_bend, entries))
-        .collect()
-}
-
-fn keyframes(scene: &Scene, axes: Range<usize>) -> Result<Vec<What>> {
-    let Motion::Keyframes(motion) = &scene.motion else {
-        bail!("motion: that of the scene has no keyframes: write it with [motion.groups]");
-    };
-    let mut releases = scene.schedule.releases.iter();
-    ensure!(
-        releases.all(|release| release.to.is_none()),
-        "motion: a handle takes hold again, where the cloth is then: remove `to` from its release"
-    );
-    let mut all = Vec::new();
-    for (g, group) in motion.groups.iter().enumerate() {
-        for k in 0..group.keyframes.len() {
-            all.extend(axes.clone().map(|axis| What::Keyframe([g, k, axis])));
+        Value::Object(all) => {
+            all.iter()
+                .for_each(|(key, value)| leaves(value, format!("{path}/{key}"), into));
         }
+        _ => {}
     }
-    Ok(all)
 }
 
 /// The numbers that the `parts` of an order name.
 pub(super) fn numbers(scene: &Scene, parts: [(&str, &Bounds); 4]) -> Result<Vec<Number>> {
-    let mut all = Vec::new();
-    let mut trial = Trial::of(scene, std::iter::empty());
+    let (document, mut places, mut all) = (document(scene)?, Vec::new(), Vec::new());
+    leaves(&document, String::new(), &mut places);
     let keys = parts
         .iter()
         .flat_map(|(part, keys)| keys.iter().map(move |key| (part, key)));
     for (part, (key, &bounds)) in keys {
         let key = format!("{part}.{key}");
-        let (stem, axes) = match key.rsplit_once('_') {
-            Some((stem, "x")) => (stem, 0..1),
-            Some((stem, "y")) => (stem, 1..2),
-            Some((stem, "z")) => (stem, 2..3),
-            _ => (&*key, 0..3),
+        let (stem, axis) = match key.rsplit_once('_') {
+            Some((stem, axis @ ("x" | "y" | "z"))) => (stem, Some(axis)),
+            _ => (&*key, None),
         };
-        let of_start = |what| move |axis| What::Start(what, axis);
-        let (unit, is_scale, found): (_, _, Vec<What>) = match stem {
-            "material.stretch" => ("", true, tables(false, |_| 0)),
-            "material.stretch_columns" => ("", true, tables(false, |entry| entry % 4)),
-            "material.stretch_entries" => ("", true, tables(false, |entry| entry)),
-            "material.bend" => ("", true, tables(true, |_| 0)),
-            "material.bend_rows" => ("", true, tables(true, |entry| entry / 5)),
-            "material.bend_entries" => ("", true, tables(true, |entry| entry)),
-            "material.density" => ("kg/m²", true, vec![What::Density]),
-            "material.damping" => ("s", false, vec![What::Damping]),
-            "environment.air_density" => ("kg/m³", false, vec![What::AirDensity]),
-            "environment.air_drag" => ("kg/(m² s)", false, vec![What::AirDrag]),
-            "environment.wind" => ("m/s", false, axes.map(What::Wind).collect()),
-            "start.place" => ("m", false, axes.map(of_start(0)).collect()),
-            "start.velocity" => ("m/s", false, axes.map(of_start(1)).collect()),
-            "start.spin" => ("rad/s", false, axes.map(of_start(2)).collect()),
-            "motion.translation" => ("m", false, keyframes(scene, axes)?),
-            "motion.rotation_deg" => ("°", false, keyframes(scene, 3..4)?),
-            _ => bail!("{key}: there is no such number; known are {KNOWN}"),
+        let known = KEYS.iter().find(|(known, _)| *known == stem);
+        let Some((_, unit)) = known else {
+            let known = KEYS.map(|key| key.0).join(", ");
+            bail!("{key}: there is no such number; known are {known}, and one axis, as wind_x");
         };
-        let (rows, [low, high]) = (&scene.material.stretch.0, bounds);
+        // By the names of the numbers, the places of each.
+        let mut found: BTreeMap<String, Vec<String>> = BTreeMap::new();
+        for place in &places {
+            let name = place[1..].replace('/', ".");
+            let letter = |index: &str| ["x", "y", "z"].iter().nth(index.parse().ok()?).copied();
+            let (above, last) = name.rsplit_once('.').unwrap_or_default();
+            let (table, row) = above.rsplit_once('.').unwrap_or_default();
+            let name = match stem.strip_prefix(table) {
+                Some("") => stem.to_owned(),
+                Some("_columns") => format!("{stem} {last}"),
+                Some("_rows") => format!("{stem} {row}"),
+                Some("_entries") => format!("{stem} {row}.{last}"),
+                _ if name == stem || name.starts_with("motion") && name.ends_with(&stem[6..]) => {
+                    name
+                }
+                _ if above == stem || name.starts_with("motion") && above.ends_with(&stem[6..]) => {
+                    let letter = letter(last).unwrap_or_default();
+                    if axis.is_some_and(|axis| axis != letter) {
+                        continue;
+                    }
+                    format!("{above}_{letter}")
+                }
+                _ => continue,
+            };
+            found.entry(name).or_default().push(place.clone());
+        }
+        let rows = &scene.material.stretch.0;
         let is_law = rows.iter().any(|row| row != &rows[0]);
-        let problem = match stem {
-            "start.place" if !scene.handles.is_empty() => "handles say where the cloth is",
-            "material.stretch_entries" if !is_law => "the table has one row: take stretch_columns",
+        let is_again = scene
+            .schedule
+            .releases
+            .iter()
+            .any(|release| release.to.is_some());
+        let is_scale = unit.is_empty() || stem == "material.density";
+        let [low, high] = bounds;
+        let problem = match *part {
+            _ if found.is_empty() => "the scene's motion has no keyframes",
+            "start" if stem == "start.place" && !scene.handles.is_empty() => {
+                "handles say where it is"
+            }
+            "motion" if is_again => "a handle takes hold again: remove `to` from its release",
+            "material" if stem.ends_with("h_entries") && !is_law => "a linear table: take columns",
             _ if !(low < high && high.is_finite()) => "bounds are [least, most]",
             _ if is_scale && low <= 0.0 => "the lower bound must be positive",
             _ => "",
         };
         ensure!(problem.is_empty(), "{key} = [{low}, {high}]: {problem}");
-        let is_one = found.len() == 1;
-        for what in found {
-            let first = what.slot(&mut trial).map_or(1.0, |slot| *slot);
-            let name = if is_one { key.clone() } else { format!("{stem} {}", what.which()) };
+        for (name, pointers) in found {
+            let value = document.pointer(&pointers[0]).and_then(Value::as_f64);
+            let first = if unit.is_empty() { 1.0 } else { value.unwrap_or(0.0) };
             ensure!(
                 (low..=high).contains(&first),
                 "{name}: the search begins at the scene's {first}, beyond the bounds {low} to {high}: change these, or the scene"
@@ -320,15 +291,15 @@ pub(super) fn numbers(scene: &Scene, parts: [(&str, &Bounds); 4]) -> Result<Vec<
                 first,
                 is_scale,
                 value: first,
-                error: None,
-                what,
+                error: f64::NAN,
+                pointers,
             });
         }
     }
+    let count = all.len();
     ensure!(
-        (1..=MOST).contains(&all.len()),
-        "{} numbers are to be found, 1 to {MOST} can be: give bounds, as material.stretch = [0.2, 5]",
-        all.len()
+        (1..=MOST).contains(&count),
+        "{count} numbers are to be found, 1 to {MOST} can be: give bounds, as material.stretch = [0.2, 5]"
     );
     Ok(all)
 }

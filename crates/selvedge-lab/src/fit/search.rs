@@ -18,22 +18,11 @@ const TRIES: usize = 8;
 const STILL: f64 = 1e-3;
 
 /// A place in the box of [0, 1], its value, and the derivatives of that.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(super) struct Point {
     pub(super) at: Vec<f64>,
     pub(super) value: f64,
     pub(super) slope: Vec<f64>,
-}
-
-/// What was found at a place.
-pub(super) enum Look {
-    /// No more is to be looked for.
-    Stop,
-    /// There is no value.
-    Failed,
-    /// The value is above the bound: derivatives were not asked for.
-    Above(f64),
-    Reached(Point),
 }
 
 /// The matrix of second derivatives that a search begins from: V Λ Vᵀ, by the rows of Λ^½ Vᵀ, which
@@ -83,8 +72,9 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 
 /// A value over the box.
 pub(super) trait Landscape {
-    /// Looks at a place, whose value is of no use above `bound`.
-    fn look(&mut self, at: &[f64], bound: f64) -> Look;
+    /// The value at a place, infinite where there is none, and its derivatives, which are of no use
+    /// above `bound`. None ends the search.
+    fn look(&mut self, at: &[f64], bound: f64) -> Option<(f64, Vec<f64>)>;
 
     /// The metric at the last place that was reached.
     fn metric(&mut self) -> Metric;
@@ -92,10 +82,12 @@ pub(super) trait Landscape {
 
 /// Searches for a least value from `at` on. None where there is no value there.
 pub(super) fn search(at: Vec<f64>, land: &mut dyn Landscape) -> Option<Point> {
-    let Look::Reached(mut best) = land.look(&at, f64::INFINITY) else {
+    let (value, slope) = land.look(&at, f64::MAX)?;
+    if value.is_infinite() {
         return None;
-    };
-    let mut memory = Lbfgs::new(at.len(), PAIRS).with_sy_epsilon(f64::MIN_POSITIVE);
+    }
+    let mut best = Point { at, value, slope };
+    let mut memory = Lbfgs::new(best.at.len(), PAIRS).with_sy_epsilon(f64::MIN_POSITIVE);
     let (mut metric, mut measured, mut still) = (land.metric(), best.value, 0);
     while still < 2 {
         if best.value < FALLEN * measured {
@@ -149,13 +141,17 @@ fn step(
         if fall >= 0.0 {
             return None;
         }
-        length *= match land.look(&to, from.value + ENOUGH * fall) {
-            Look::Stop => return None,
-            Look::Reached(point) => return Some(point),
-            Look::Failed => 0.2,
-            // The least of the parabola through what is known.
-            Look::Above(value) => (-0.5 * fall / (value - from.value - fall)).clamp(0.1, 0.5),
-        };
+        let bound = from.value + ENOUGH * fall;
+        let (value, slope) = land.look(&to, bound)?;
+        if value <= bound {
+            return Some(Point {
+                at: to,
+                value,
+                slope,
+            });
+        }
+        // The least of the parabola through what is known.
+        length *= (-0.5 * fall / (value - from.value - fall)).clamp(0.1, 0.5);
     }
     None
 }
@@ -179,17 +175,9 @@ mod tests {
     }
 
     impl<F: Fn(&[f64]) -> Option<(f64, Vec<f64>)>> Landscape for Looks<F> {
-        fn look(&mut self, at: &[f64], bound: f64) -> Look {
+        fn look(&mut self, at: &[f64], _: f64) -> Option<(f64, Vec<f64>)> {
             self.count += 1;
-            match (self.of)(at) {
-                None => Look::Failed,
-                Some((value, _)) if value > bound => Look::Above(value),
-                Some((value, slope)) => Look::Reached(Point {
-                    at: at.to_vec(),
-                    value,
-                    slope,
-                }),
-            }
+            Some((self.of)(at).unwrap_or((f64::INFINITY, Vec::new())))
         }
 
         fn metric(&mut self) -> Metric {

@@ -6,12 +6,13 @@ use serde::Serialize;
 const UNTOLD: f64 = 0.1;
 
 /// A combination of numbers, each in parts of its bounds.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Direction {
     /// Eigenvalue of the Gauss-Newton matrix: the inverse square of `error`.
     pub eigenvalue: f64,
-    /// Standard error along the direction, in parts of the bounds; none where nothing changes along it.
-    pub error: Option<f64>,
+    /// Standard error along the direction, in parts of the bounds; infinite (null in JSON) where nothing
+    /// changes along it.
+    pub error: f64,
     /// False where the data do not tell it: an error above a tenth of the bounds.
     pub is_told: bool,
     /// Part of each number, `[numbers]`, of length one.
@@ -20,31 +21,28 @@ pub struct Direction {
 
 /// The eigenvectors of JᵀJ/σ², the best told first, and the standard error of each number in parts of its
 /// bounds. `changes` has J by columns, `[numbers][coordinates]`; σ is `noise`. `[eq:gauss-newton]`
-pub(super) fn directions(changes: &[Vec<f64>], noise: f64) -> (Vec<Direction>, Vec<Option<f64>>) {
+pub(super) fn directions(changes: &[Vec<f64>], noise: f64) -> (Vec<Direction>, Vec<f64>) {
     let mut found = eigen(gauss_newton(changes, noise));
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let largest = found.first().map_or(0.0, |first| first.0);
-    let directions: Vec<Direction> = found
-        .into_iter()
-        .map(|(eigenvalue, way)| {
-            // Below is rounding.
-            let is_there = eigenvalue > 1e-13 * largest;
-            let error = is_there.then(|| 1.0 / eigenvalue.sqrt());
-            Direction {
-                eigenvalue: eigenvalue.max(0.0),
-                error,
-                is_told: error.is_some_and(|error| error <= UNTOLD),
-                way,
-            }
-        })
-        .collect();
+    // Below is rounding.
+    let least = 1e-13 * found.first().map_or(0.0, |first| first.0);
+    let direction = |(eigenvalue, way): (f64, Vec<f64>)| {
+        let error = if eigenvalue > least { 1.0 / eigenvalue.sqrt() } else { f64::INFINITY };
+        Direction {
+            eigenvalue: eigenvalue.max(0.0),
+            error,
+            is_told: error <= UNTOLD,
+            way,
+        }
+    };
+    let directions: Vec<Direction> = found.into_iter().map(direction).collect();
     let error = |number: usize| {
-        let square = |d: &Direction| match d.error {
-            Some(error) => Some((error * d.way[number]).powi(2)),
-            None => (d.way[number].abs() < 1e-6).then_some(0.0),
-        };
-        let squares: Option<Vec<f64>> = directions.iter().map(square).collect();
-        squares.map(|squares| squares.iter().sum::<f64>().sqrt())
+        let parts = directions.iter().map(|one| (one.error, one.way[number]));
+        let parts = parts.filter(|(_, part)| part.abs() > 1e-6);
+        parts
+            .map(|(error, part)| (error * part).powi(2))
+            .sum::<f64>()
+            .sqrt()
     };
     let errors = (0..changes.len()).map(error).collect();
     (directions, errors)
@@ -133,10 +131,10 @@ mod tests {
             directions.iter().map(|d| d.is_told).collect::<Vec<_>>(),
             [true, true, false]
         );
-        assert!((directions[0].error.unwrap() - 0.01 / 2.0).abs() < 1e-12);
+        assert!((directions[0].error - 0.01 / 2.0).abs() < 1e-12);
         let [a, b, c] = [0, 1, 2].map(|k| directions[2].way[k]);
         assert!((a + b).abs() < 1e-12 && c == 0.0, "{a} {b} {c}");
-        assert!(errors[0].is_none() && errors[1].is_none());
-        assert!((errors[2].unwrap() - 0.005).abs() < 1e-12);
+        assert!(errors[0].is_infinite() && errors[1].is_infinite());
+        assert!((errors[2] - 0.005).abs() < 1e-12);
     }
 }
