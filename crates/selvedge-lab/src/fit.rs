@@ -400,3 +400,6 @@ impl Landscape for Search<'_, '_, '_> {
         Metric::of(matrix, (value - noise).max(0.01 * value))
     }
 }
+
+#[cfg(test)]
+mod tests;
