@@ -249,36 +249,24 @@ impl Fit {
             .collect())
     }
 
-    /// How the misses change with each number, in parts of its bounds: `[numbers][coordinates]`, from
-    /// those `here` on or, without them, to both sides. None where it was stopped.
-    fn changes(
-        &self,
-        at: &[f64],
-        here: Option<&[DVec3]>,
-        task: &Task<'_, '_>,
-    ) -> Result<Option<Vec<Vec<f64>>>> {
+    /// How the misses of `made` change with each number, in parts of its bounds:
+    /// `[numbers][coordinates]`. None where it was stopped.
+    fn changes(&self, made: &Made, task: &Task<'_, '_>) -> Result<Option<Vec<Vec<f64>>>> {
         let mut changes = Vec::new();
-        for number in 0..at.len() {
-            let beside = |step: f64| -> Result<Option<(f64, Vec<DVec3>)>> {
-                let mut moved = at.to_vec();
-                moved[number] = (at[number] + step).clamp(0.0, 1.0);
-                let made = self
-                    .run(&moved, false, task)
-                    .context("a change of the numbers")?;
-                Ok(made.map(|(made, _)| (moved[number], made.misses)))
-            };
+        for number in 0..made.at.len() {
+            let mut at = made.at.clone();
             let step = if at[number] > 0.5 { -CHANGE } else { CHANGE };
-            let other = match here {
-                Some(here) => Some((at[number], here.to_vec())),
-                None => beside(-step)?,
-            };
-            let (Some((a, after)), Some((b, before))) = (beside(step)?, other) else {
+            at[number] += step;
+            let moved = self
+                .run(&at, false, task)
+                .context("a change of the numbers")?;
+            let Some((moved, _)) = moved else {
                 return Ok(None);
             };
-            let pairs = after.iter().zip(before);
+            let pairs = moved.misses.iter().zip(&made.misses);
             changes.push(
                 pairs
-                    .flat_map(|(x, y)| ((*x - y) / (a - b)).to_array())
+                    .flat_map(|(a, b)| ((*a - *b) / step).to_array())
                     .collect(),
             );
         }
@@ -333,11 +321,11 @@ impl Fit {
                 |why| Err(why.context("where the searches begin")),
             );
         };
-        let task = reporter.count("looking at what the data tell", 2 * made.at.len(), "runs");
+        let task = reporter.count("looking at what the data tell", made.at.len(), "runs");
         let (all, numbers) = ((3 * made.misses.len()) as f64, made.at.len() as f64);
         let left = (made.value() * all / (all - numbers).max(1.0)).sqrt();
         let noise = *self.noise.get_or_insert(left.max(f64::MIN_POSITIVE));
-        let changes = if task.is_stopped() { None } else { self.changes(&made.at, None, &task)? };
+        let changes = if task.is_stopped() { None } else { self.changes(&made, &task)? };
         let told = changes.map(|changes| told::directions(&changes, noise));
         let (directions, errors) = told.unzip();
         let errors = errors.unwrap_or_else(|| vec![f64::NAN; made.at.len()]);
@@ -376,6 +364,7 @@ impl Landscape for Search<'_, '_, '_> {
         }
         self.fit.runs[0] += 1;
         self.try_at(at, bound).unwrap_or_else(|error| {
+            tracing::debug!("run {}: {error:#}", self.fit.runs[0]);
             self.fit.failures.push(error);
             Some((f64::INFINITY, Vec::new()))
         })
@@ -383,17 +372,17 @@ impl Landscape for Search<'_, '_, '_> {
 
     /// The Gauss-Newton matrix of few numbers; of many, or where a run fails, what the value says alone.
     fn metric(&mut self) -> Metric {
-        let Some(Made { at, misses, .. }) = &self.fit.made else {
+        let Some(made) = &self.fit.made else {
             return Metric::of(Vec::new(), 0.0);
         };
-        let value = self.fit.made.as_ref().map_or(0.0, Made::value);
-        let mut matrix = vec![vec![0.0; at.len()]; at.len()];
-        if at.len() <= FEW
-            && let Ok(Some(changes)) = self.fit.changes(at, Some(misses), self.task)
+        let (value, numbers) = (made.value(), made.at.len());
+        let mut matrix = vec![vec![0.0; numbers]; numbers];
+        if numbers <= FEW
+            && let Ok(Some(changes)) = self.fit.changes(made, self.task)
         {
             // The value is a mean of squares.
-            matrix = told::gauss_newton(&changes, (1.5 * misses.len() as f64).sqrt());
-            self.fit.runs[0] += at.len();
+            matrix = told::gauss_newton(&changes, (1.5 * made.misses.len() as f64).sqrt());
+            self.fit.runs[0] += numbers;
         }
         // What is noise is no fault of the numbers.
         let noise = self.fit.noise.unwrap_or(0.0).powi(2);

@@ -10,7 +10,7 @@ use selvedge_cloth::{Checkpoint, HandlePath, Scene};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-/// Numbers at most: each takes two runs at the end.
+/// Numbers at most: each takes a run at the end.
 const MOST: usize = 500;
 /// What an order can name, with its unit. Those without one are factors of entries of a table.
 const KEYS: [(&str, &str); 16] = [

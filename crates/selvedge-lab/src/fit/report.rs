@@ -110,6 +110,9 @@ impl Fit {
             let ([low, high], first) = (number.bounds, short(number.first));
             let _ = writeln!(page, "| {number} | {first} | {low} to {high} |");
         }
+        if let Some(why) = self.failures.last() {
+            let _ = writeln!(page, "\nThe last run that failed: {why:#}.");
+        }
         let Some(directions) = &self.directions else {
             return page + "\nInterrupted: the best by then. What the data tell is unknown.\n";
         };
