@@ -130,13 +130,9 @@ impl Fit {
         let beside = folder.join(&file.scene);
         let name = if beside.is_file() { beside.to_string_lossy() } else { file.scene.into() };
         let loaded = open_scene(&name).context("scene")?;
-        let (of_material, of_air) = (
+        let parts = [
             ("material", &file.material),
             ("environment", &file.environment),
-        );
-        let parts = [
-            of_material,
-            of_air,
             ("start", &file.start),
             ("motion", &file.motion),
         ];
@@ -203,27 +199,19 @@ impl Fit {
         }
         let _ = task.advance();
         let at = at.to_vec();
-        Ok(Some((
-            Made {
-                at,
-                scene,
-                start,
-                misses,
-                positions,
-            },
-            solver,
-        )))
-    }
-
-    /// The derivatives of the value by the parts of the numbers.
-    fn slope(&self, made: &Made, solver: &mut Simulator) -> Result<Vec<f64>> {
-        let Made {
+        let made = Made {
             at,
             scene,
             start,
             misses,
-            ..
-        } = made;
+            positions,
+        };
+        Ok(Some((made, solver)))
+    }
+
+    /// The derivatives of the value by the parts of the numbers.
+    fn slope(&self, made: &Made, solver: &mut Simulator) -> Result<Vec<f64>> {
+        let (at, scene, start, misses) = (&made.at, &made.scene, &made.start, &made.misses);
         let scale = 2e3 / (3 * misses.len()) as f64;
         let mut left = self.marks.iter().zip(misses).rev().peekable();
         let mut by = solver.backward(&mut |frame, by| {
@@ -234,12 +222,10 @@ impl Fit {
         if self.start.is_none() {
             let rest = sag_gradient(scene, &start.positions, &by.start.positions)?;
             let (sum, rest) = (&mut by.materials[0], &rest.materials[0]);
-            let (sums, by) = (sum.stretch.as_flattened_mut(), rest.stretch.as_flattened());
-            let stretch = sums.iter_mut().zip(by);
-            let (sums, by) = (sum.bend.as_flattened_mut(), rest.bend.as_flattened());
-            stretch
-                .chain(sums.iter_mut().zip(by))
-                .for_each(|(sum, by)| *sum += by);
+            let add =
+                |sums: &mut [f64], by: &[f64]| sums.iter_mut().zip(by).for_each(|(s, by)| *s += by);
+            add(sum.stretch.as_flattened_mut(), rest.stretch.as_flattened());
+            add(sum.bend.as_flattened_mut(), rest.bend.as_flattened());
             sum.density += rest.density;
         }
         let slopes = numbers::slopes(self.at(at), scene, start, &by)?;
@@ -257,18 +243,12 @@ impl Fit {
             let mut at = made.at.clone();
             let step = if at[number] > 0.5 { -CHANGE } else { CHANGE };
             at[number] += step;
-            let moved = self
-                .run(&at, false, task)
-                .context("a change of the numbers")?;
-            let Some((moved, _)) = moved else {
+            let Some((moved, _)) = self.run(&at, false, task)? else {
                 return Ok(None);
             };
             let pairs = moved.misses.iter().zip(&made.misses);
-            changes.push(
-                pairs
-                    .flat_map(|(a, b)| ((*a - *b) / step).to_array())
-                    .collect(),
-            );
+            let rows = pairs.flat_map(|(a, b)| ((*a - *b) / step).to_array());
+            changes.push(rows.collect());
         }
         Ok(Some(changes))
     }
@@ -316,19 +296,24 @@ impl Fit {
         drop(task);
         let Some(made) = best else {
             let why = self.failures.pop();
-            return why.map_or(
-                Ok(false),
-                |why| Err(why.context("where the searches begin")),
-            );
+            let why = why.map(|why| why.context("where the searches begin"));
+            return why.map_or(Ok(false), Err);
         };
         let task = reporter.count("looking at what the data tell", made.at.len(), "runs");
         let (all, numbers) = ((3 * made.misses.len()) as f64, made.at.len() as f64);
         let left = (made.value() * all / (all - numbers).max(1.0)).sqrt();
         let noise = *self.noise.get_or_insert(left.max(f64::MIN_POSITIVE));
-        let changes = if task.is_stopped() { None } else { self.changes(&made, &task)? };
+        // What was found is kept where a run beside it fails.
+        let changes = self.changes(&made, &task).unwrap_or_else(|error| {
+            self.failures.push(error);
+            Some(Vec::new())
+        });
         let told = changes.map(|changes| told::directions(&changes, noise));
         let (directions, errors) = told.unzip();
-        let errors = errors.unwrap_or_else(|| vec![f64::NAN; made.at.len()]);
+        let errors = errors
+            .into_iter()
+            .flatten()
+            .chain(std::iter::repeat(f64::NAN));
         for ((number, part), error) in self.numbers.iter_mut().zip(&made.at).zip(errors) {
             number.value = number.at(*part);
             number.error = error * number.rate(number.value);

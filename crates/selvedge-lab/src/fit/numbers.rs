@@ -76,11 +76,9 @@ pub(super) fn placed<'a>(
     let (mut scene, mut document) = (base.clone(), document(base)?);
     for (number, value) in numbers {
         for pointer in &number.pointers {
-            let slot = document
-                .pointer_mut(pointer)
-                .and_then(|slot| Some((slot.as_f64()?, slot)));
-            if let Some((was, slot)) = slot {
-                *slot = json!(if number.unit.is_empty() { was * value } else { value });
+            if let Some(slot) = document.pointer_mut(pointer) {
+                let factor = slot.as_f64().filter(|_| number.unit.is_empty());
+                *slot = json!(factor.unwrap_or(1.0) * value);
             }
         }
     }
@@ -112,20 +110,16 @@ impl Number {
     /// Its value at a part of its bounds.
     pub(super) fn at(&self, part: f64) -> f64 {
         let [low, high] = self.bounds;
-        let value = match self.is_scale {
-            true => low * libm::exp(part * libm::log(high / low)),
-            false => low + part * (high - low),
-        };
+        let scale = || low * libm::exp(part * libm::log(high / low));
+        let value = if self.is_scale { scale() } else { low + part * (high - low) };
         value.clamp(low, high)
     }
 
     /// The part of its bounds at which the scene has it.
     pub(super) fn part(&self) -> f64 {
         let [low, high] = self.bounds;
-        match self.is_scale {
-            true => libm::log(self.first / low) / libm::log(high / low),
-            false => (self.first - low) / (high - low),
-        }
+        let way = |to: f64| if self.is_scale { libm::log(to / low) } else { to - low };
+        way(self.first) / way(high)
     }
 
     /// Derivative of the value by the part.
@@ -139,9 +133,8 @@ impl Number {
     fn slope_of_path(&self, value: f64, scene: &Scene, first: usize, by: &Gradient) -> Result<f64> {
         const STEP: f64 = 1e-3;
         let path = |step| -> Result<HandlePath> {
-            Ok(placed(scene, [(self, value + step)].into_iter())?
-                .0
-                .handle_path()?)
+            let (moved, _) = placed(scene, [(self, value + step)].into_iter())?;
+            Ok(moved.handle_path()?)
         };
         let (before, after) = (path(-STEP)?, path(STEP)?);
         let (handles, mut sum) = (scene.handles.len(), 0.0);
@@ -205,8 +198,9 @@ fn leaves(value: &Value, path: String, into: &mut Vec<String>) {
             all.for_each(|(key, value)| leaves(value, format!("{path}/{key}"), into));
         }
         Value::Object(all) => {
-            all.iter()
-                .for_each(|(key, value)| leaves(value, format!("{path}/{key}"), into));
+            for (key, value) in all {
+                leaves(value, format!("{path}/{key}"), into);
+            }
         }
         _ => {}
     }
@@ -234,7 +228,7 @@ pub(super) fn numbers(scene: &Scene, parts: [(&str, &Bounds); 4]) -> Result<Vec<
         let mut found: BTreeMap<String, Vec<String>> = BTreeMap::new();
         for place in &places {
             let name = place[1..].replace('/', ".");
-            let letter = |index: &str| ["x", "y", "z"].iter().nth(index.parse().ok()?).copied();
+            let letter = |index: &str| ["x", "y", "z"].get(index.parse::<usize>().ok()?).copied();
             let (above, last) = name.rsplit_once('.').unwrap_or_default();
             let (table, row) = above.rsplit_once('.').unwrap_or_default();
             let name = match stem.strip_prefix(table) {
@@ -258,18 +252,14 @@ pub(super) fn numbers(scene: &Scene, parts: [(&str, &Bounds); 4]) -> Result<Vec<
         }
         let rows = &scene.material.stretch.0;
         let is_law = rows.iter().any(|row| row != &rows[0]);
-        let is_again = scene
-            .schedule
-            .releases
-            .iter()
-            .any(|release| release.to.is_some());
+        let mut releases = scene.schedule.releases.iter();
+        let is_again = releases.any(|release| release.to.is_some());
+        let is_held = !scene.handles.is_empty();
         let is_scale = unit.is_empty() || stem == "material.density";
         let [low, high] = bounds;
         let problem = match *part {
             _ if found.is_empty() => "the scene's motion has no keyframes",
-            "start" if stem == "start.place" && !scene.handles.is_empty() => {
-                "handles say where it is"
-            }
+            "start" if stem == "start.place" && is_held => "handles say where it is",
             "motion" if is_again => "a handle takes hold again: remove `to` from its release",
             "material" if stem.ends_with("h_entries") && !is_law => "a linear table: take columns",
             _ if !(low < high && high.is_finite()) => "bounds are [least, most]",

@@ -8,7 +8,7 @@ use anyhow::Result;
 use selvedge_data::{StartSpec, StateChoice, StateRun, write_atomically};
 use serde_json::{Value, json};
 
-use super::{Direction, Fit, Made, Number};
+use super::{Fit, Number};
 use crate::folder::FITTED;
 use crate::physics;
 
@@ -24,15 +24,10 @@ impl Fit {
     /// A file that cannot be written.
     pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>> {
         let mut wrote = Vec::new();
-        let Some(Made {
-            scene,
-            start,
-            positions,
-            ..
-        }) = &self.made
-        else {
+        let Some(made) = &self.made else {
             return Ok(wrote);
         };
+        let (scene, start) = (&made.scene, &made.start);
         let mut spec = self.loaded.spec.clone();
         let is_at_rest = spec.start == StartSpec::Rest;
         (spec.setting.material, spec.motion) = (scene.material.clone(), scene.motion.clone());
@@ -41,34 +36,29 @@ impl Fit {
             wrote.push(folder.join(name));
             folder.join(name)
         };
-        let has = |part| {
-            self.numbers
-                .iter()
-                .any(|number| number.name.starts_with(part))
-        };
+        let numbers = self.numbers.iter().map(|number| &number.name);
+        let has = |part| numbers.clone().any(|name| name.starts_with(part));
         let text = |path: PathBuf, text: &[u8]| write_atomically(&path, |out| out.write_all(text));
         if has("material.") {
-            text(
-                place("fabric.toml"),
-                toml::to_string(&scene.material)?.as_bytes(),
-            )?;
+            let fabric = toml::to_string(&scene.material)?;
+            text(place("fabric.toml"), fabric.as_bytes())?;
         }
         if has("motion.") {
-            text(
-                place("motion.toml"),
-                toml::to_string(&scene.motion)?.as_bytes(),
-            )?;
+            let motion = toml::to_string(&scene.motion)?;
+            text(place("motion.toml"), motion.as_bytes())?;
         }
         if has("start.") {
             let path = place("start.safetensors");
             let states = vec![start.clone()];
             StateRun { states }.write(&path, &physics::provenance(&self.loaded.spec, scene)?)?;
-            let mut choice = StateChoice::default();
-            choice.file = path.to_string_lossy().into_owned();
+            let choice = StateChoice {
+                file: path.to_string_lossy().into_owned(),
+                ..StateChoice::default()
+            };
             spec.start = StartSpec::State(choice.read(Path::new(""), start.positions.len())?.1);
         }
         let rest = if is_at_rest { &start.positions[..] } else { scene.mesh.positions() };
-        let run = physics::trajectory(start.frame, &spec, scene, rest, positions.clone())?;
+        let run = physics::trajectory(start.frame, &spec, scene, rest, made.positions.clone())?;
         run.write(&place("run.safetensors"))?;
         text(place("report.md"), self.report().as_bytes())?;
         text(place(FITTED), &serde_json::to_vec_pretty(&self.json())?)?;
@@ -117,23 +107,14 @@ impl Fit {
             return page + "\nInterrupted: the best by then. What the data tell is unknown.\n";
         };
         page += "\n| numbers, in parts of their bounds | told to | eigenvalue |\n|---|---|---|\n";
-        for Direction {
-            eigenvalue,
-            error,
-            is_told,
-            way,
-        } in directions
-        {
-            let numbers = way.iter().zip(&self.numbers);
+        for direction in directions {
+            let numbers = direction.way.iter().zip(&self.numbers);
             let named = numbers.filter(|(part, _)| part.abs() >= NAMED);
             let named = named.map(|(part, number)| format!("{part:+.2} {}", number.name));
             let named = named.collect::<Vec<_>>().join(" ");
-            let told = if *is_told { "" } else { ": not told" };
-            let _ = writeln!(
-                page,
-                "| {named} | {:.2} %{told} | {eigenvalue:.2e} |",
-                100.0 * error
-            );
+            let told = if direction.is_told { "" } else { ": not told" };
+            let (error, eigenvalue) = (100.0 * direction.error, direction.eigenvalue);
+            let _ = writeln!(page, "| {named} | {error:.2} %{told} | {eigenvalue:.2e} |");
         }
         page
     }
