@@ -37,6 +37,7 @@ pub mod drape;
 pub mod evaluation;
 pub mod event;
 pub mod expert;
+pub mod fit;
 pub mod folder;
 pub mod generation;
 pub mod machine;
