@@ -72,13 +72,10 @@ pub const DATASETS: &[(&str, &str)] = texts!("datasets":
 );
 
 /// Models by their names, in the files that `selvedge train` writes.
-pub const MODELS: &[(&str, &[u8])] = &[("paper", PAPER), ("paper-gru5", PAPER_GRU5)];
+pub const MODELS: &[(&str, &[u8])] = &[("paper", PAPER)];
 
 /// The model `paper`, which needs no physics to move a cloth.
 pub const PAPER: &[u8] = include_bytes!("models/paper.safetensors");
-
-/// The same with a recurrent encoder over five frames.
-pub const PAPER_GRU5: &[u8] = include_bytes!("models/paper-gru5.safetensors");
 
 /// Configurations of trainings: those of our own models, the paper's models, its ablations, and
 /// one that is trained in another way.

@@ -8,8 +8,7 @@ let served, chrome, page;
 const errors = [];
 
 before(async () => {
-  // A model of one cloth whose handles stay at one height.
-  served = await start(["--show", "model", "--model", "paper-gru5"]);
+  served = await start(["--show", "model", "--model", "paper"]);
   chrome = await browser({ width: 900, height: 600 });
   page = await open(chrome.context, served.url, errors);
 });
@@ -81,7 +80,7 @@ test("a handle that is lifted is said for as long as it is higher", async () => 
   const at = await place(page, (await handles())[0]);
   await page.mouse.move(at.x, at.y);
   await page.mouse.down();
-  for (let k = 1; k <= 10; k++) await page.mouse.move(at.x, at.y - 8 * k);
+  for (let k = 1; k <= 10; k++) await page.mouse.move(at.x, at.y - 25 * k);
   await remark("different heights");
   await page.mouse.up();
   await home(page);

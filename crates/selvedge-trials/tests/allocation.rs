@@ -81,9 +81,13 @@ fn frames_after_the_first_allocate_nothing() {
     let cloth = Cloth::of_scene(scene, physics::rounded(&rest.positions)).unwrap();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build();
     let pool = pool.unwrap();
-    let cases = ["paper", "paper-gru5"].map(|name| [(name, false), (name, true)]);
+    // The second one is recurrent.
+    let recurrent = "../../assets/models/paper-1024.safetensors";
+    let recurrent = Path::new(env!("CARGO_MANIFEST_DIR")).join(recurrent);
+    let models = [Path::new("paper"), &recurrent];
+    let cases = models.map(|model| [(model, false), (model, true)]);
     for (name, is_guarded) in cases.into_iter().flatten() {
-        let model = selvedge::Model::open(Some(Path::new(name))).unwrap();
+        let model = selvedge::Model::open(Some(name)).unwrap();
         let mut stepper: Box<dyn Stepper + Send> = if is_guarded {
             let (known, settings) = (Arc::new(scene.clone()), Correction::default());
             let rest = &rest.positions;
@@ -94,6 +98,6 @@ fn frames_after_the_first_allocate_nothing() {
             Box::new(LearnedStepper::new(model.model, graph.unwrap(), &[rest]).unwrap())
         };
         let counts = pool.install(|| quiet_round(scene, &mut *stepper, &rest.positions));
-        assert_eq!(counts.last(), Some(&0), "{name} {is_guarded}: {counts:?}");
+        assert_eq!(counts.last(), Some(&0), "{name:?} {is_guarded}: {counts:?}");
     }
 }

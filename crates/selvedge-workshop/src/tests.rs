@@ -64,7 +64,7 @@ fn hands_beyond_training_are_said_while_the_model_moves_the_cloth() {
     let models = ["paper"].map(PathBuf::from);
     let mut workshop = SceneWorkshop::new("default", &models, Machine::Cpu).unwrap();
     let catalogue = workshop.catalogue();
-    assert_eq!(catalogue.models, ["paper", "paper-gru5"], "each once");
+    assert_eq!(catalogue.models, ["paper"], "once");
     let order = Order {
         model: "paper".to_owned(),
         ..workshop.first_order()
