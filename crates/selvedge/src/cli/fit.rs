@@ -25,7 +25,7 @@ The order (.toml) has a scene, the data, and bounds of the numbers that are to b
 
 Other keys: material.stretch_columns, bend_rows, stretch_entries, bend_entries, damping;
 environment.air_density, air_drag, wind; start.place, velocity, spin; motion.translation,
-rotation_deg, keyframes. The folder gets report.md, fit.json, run.safetensors, and what was found:
+rotation_deg. The folder gets report.md, fit.json, run.safetensors, and what was found:
 fabric.toml, start.safetensors, motion.toml. A fabric from drapes: selvedge drape fit.")]
 pub(crate) struct FitArgs {
     /// The order (.toml).
