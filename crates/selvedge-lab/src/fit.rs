@@ -1,11 +1,11 @@
 //! Numbers of a scene found from what was seen of a cloth, or from where it is to be: the fabric, the
 //! air, the start or the motion of the handles, by the gradients of the solver and L-BFGS within bounds.
 
+mod identifiability;
 mod numbers;
 mod report;
 mod search;
 mod seen;
-mod told;
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -21,11 +21,11 @@ use selvedge_data::{LoadedScene, open_scene};
 use selvedge_sim::{SagError, Simulator, sag_gradient, sag_with_progress};
 use serde::Deserialize;
 
+pub use self::identifiability::Direction;
 use self::numbers::Bounds;
 pub use self::numbers::Number;
-use self::search::{Landscape, Metric};
+use self::search::{Metric, Objective};
 use self::seen::{Mark, SeenFile};
-pub use self::told::Direction;
 use crate::event::{OnEvent, Reporter, Task};
 
 /// Part of the bounds by which numbers are changed for the Gauss-Newton matrix.
@@ -67,7 +67,7 @@ pub struct Fit {
     /// Standard deviation of a coordinate by which errors are reckoned `[mm]`: as the order has it, or
     /// from the distances that are left.
     pub noise: Option<f64>,
-    /// Combinations of numbers, the best told first; none where the fit was stopped before.
+    /// Combinations of numbers, the best known first; none where the fit was stopped before.
     pub directions: Option<Vec<Direction>>,
     /// In order of their frames.
     marks: Vec<Mark>,
@@ -254,7 +254,7 @@ impl Fit {
     }
 
     /// So many searches, the first from the scene's own numbers, the others from places within the bounds
-    /// that the seed chooses; then looks at what the data tell. Returns false where it was stopped before
+    /// that the seed chooses; then measures what the data identify. Returns false where it was stopped before
     /// the first run had ended.
     ///
     /// # Errors
@@ -299,7 +299,7 @@ impl Fit {
             let why = why.map(|why| why.context("where the searches begin"));
             return why.map_or(Ok(false), Err);
         };
-        let task = reporter.count("looking at what the data tell", made.at.len(), "runs");
+        let task = reporter.count("measuring what the data identify", made.at.len(), "runs");
         let (all, numbers) = ((3 * made.misses.len()) as f64, made.at.len() as f64);
         let left = (made.value() * all / (all - numbers).max(1.0)).sqrt();
         let noise = *self.noise.get_or_insert(left.max(f64::MIN_POSITIVE));
@@ -308,8 +308,8 @@ impl Fit {
             self.failures.push(error);
             Some(Vec::new())
         });
-        let told = changes.map(|changes| told::directions(&changes, noise));
-        let (directions, errors) = told.unzip();
+        let known = changes.map(|changes| identifiability::directions(&changes, noise));
+        let (directions, errors) = known.unzip();
         let errors = errors
             .into_iter()
             .flatten()
@@ -342,8 +342,8 @@ impl Search<'_, '_, '_> {
     }
 }
 
-impl Landscape for Search<'_, '_, '_> {
-    fn look(&mut self, at: &[f64], bound: f64) -> Option<(f64, Vec<f64>)> {
+impl Objective for Search<'_, '_, '_> {
+    fn evaluate(&mut self, at: &[f64], bound: f64) -> Option<(f64, Vec<f64>)> {
         if self.fit.runs[0] >= self.most {
             return None;
         }
@@ -366,7 +366,8 @@ impl Landscape for Search<'_, '_, '_> {
             && let Ok(Some(changes)) = self.fit.changes(made, self.task)
         {
             // The value is a mean of squares.
-            matrix = told::gauss_newton(&changes, (1.5 * made.misses.len() as f64).sqrt());
+            matrix =
+                identifiability::gauss_newton(&changes, (1.5 * made.misses.len() as f64).sqrt());
             self.fit.runs[0] += numbers;
         }
         // What is noise is no fault of the numbers.

@@ -174,7 +174,7 @@ mod tests {
             (
                 &[0, 1, 2][..],
                 2.0,
-                "3 handles held at once, trained with 2; wind",
+                "in still air; 3 handles held at once, trained with 2:",
             ),
         ] {
             let text = untrained(&name, &model, &influences(held, wind)).unwrap();

@@ -106,15 +106,18 @@ impl Fit {
         let Some(directions) = &self.directions else {
             return page + "\nInterrupted: the best by then. What the data tell is unknown.\n";
         };
-        page += "\n| numbers, in parts of their bounds | told to | eigenvalue |\n|---|---|---|\n";
+        page += "\n| numbers, in parts of their bounds | standard error | eigenvalue |\n|---|---|---|\n";
         for direction in directions {
             let numbers = direction.way.iter().zip(&self.numbers);
             let named = numbers.filter(|(part, _)| part.abs() >= NAMED);
             let named = named.map(|(part, number)| format!("{part:+.2} {}", number.name));
             let named = named.collect::<Vec<_>>().join(" ");
-            let told = if direction.is_told { "" } else { ": not told" };
+            let unknown = if direction.is_identified { "" } else { ": not identified" };
             let (error, eigenvalue) = (100.0 * direction.error, direction.eigenvalue);
-            let _ = writeln!(page, "| {named} | {error:.2} %{told} | {eigenvalue:.2e} |");
+            let _ = writeln!(
+                page,
+                "| {named} | {error:.2} %{unknown} | {eigenvalue:.2e} |"
+            );
         }
         page
     }

@@ -3,7 +3,7 @@
 
 use lbfgs::Lbfgs;
 
-use super::told::eigen;
+use super::identifiability::eigen;
 
 /// Pairs that the matrix is made of.
 const PAIRS: usize = 12;
@@ -71,30 +71,30 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// A value over the box.
-pub(super) trait Landscape {
+pub(super) trait Objective {
     /// The value at a place, infinite where there is none, and its derivatives, which are of no use
     /// above `bound`. None ends the search.
-    fn look(&mut self, at: &[f64], bound: f64) -> Option<(f64, Vec<f64>)>;
+    fn evaluate(&mut self, at: &[f64], bound: f64) -> Option<(f64, Vec<f64>)>;
 
     /// The metric at the last place that was reached.
     fn metric(&mut self) -> Metric;
 }
 
 /// Searches for a least value from `at` on. None where there is no value there.
-pub(super) fn search(at: Vec<f64>, land: &mut dyn Landscape) -> Option<Point> {
-    let (value, slope) = land.look(&at, f64::MAX)?;
+pub(super) fn search(at: Vec<f64>, objective: &mut dyn Objective) -> Option<Point> {
+    let (value, slope) = objective.evaluate(&at, f64::MAX)?;
     if value.is_infinite() {
         return None;
     }
     let mut best = Point { at, value, slope };
     let mut memory = Lbfgs::new(best.at.len(), PAIRS).with_sy_epsilon(f64::MIN_POSITIVE);
-    let (mut metric, mut measured, mut still) = (land.metric(), best.value, 0);
+    let (mut metric, mut measured, mut still) = (objective.metric(), best.value, 0);
     while still < 2 {
         if best.value < FALLEN * measured {
-            (metric, measured) = (land.metric(), best.value);
+            (metric, measured) = (objective.metric(), best.value);
             memory.reset();
         }
-        let Some(next) = step(&best, &metric, &mut memory, land) else {
+        let Some(next) = step(&best, &metric, &mut memory, objective) else {
             break;
         };
         still = if best.value - next.value <= STILL * best.value { still + 1 } else { 0 };
@@ -107,7 +107,7 @@ fn step(
     from: &Point,
     metric: &Metric,
     memory: &mut Lbfgs,
-    land: &mut dyn Landscape,
+    objective: &mut dyn Objective,
 ) -> Option<Point> {
     // Coordinates at a bound from which the value falls outwards stay there.
     let free = |mut way: Vec<f64>| {
@@ -142,7 +142,7 @@ fn step(
             return None;
         }
         let bound = from.value + ENOUGH * fall;
-        let (value, slope) = land.look(&to, bound)?;
+        let (value, slope) = objective.evaluate(&to, bound)?;
         if value <= bound {
             return Some(Point {
                 at: to,
@@ -168,14 +168,14 @@ mod tests {
         (a * a + 10.0 * b * b, slope.to_vec())
     }
 
-    struct Looks<F> {
+    struct Counted<F> {
         of: F,
         metric: Option<Vec<Vec<f64>>>,
         count: usize,
     }
 
-    impl<F: Fn(&[f64]) -> Option<(f64, Vec<f64>)>> Landscape for Looks<F> {
-        fn look(&mut self, at: &[f64], _: f64) -> Option<(f64, Vec<f64>)> {
+    impl<F: Fn(&[f64]) -> Option<(f64, Vec<f64>)>> Objective for Counted<F> {
+        fn evaluate(&mut self, at: &[f64], _: f64) -> Option<(f64, Vec<f64>)> {
             self.count += 1;
             Some((self.of)(at).unwrap_or((f64::INFINITY, Vec::new())))
         }
@@ -187,19 +187,19 @@ mod tests {
     }
 
     fn least(from: [f64; 2], of: impl Fn(&[f64]) -> Option<(f64, Vec<f64>)>) -> (Point, usize) {
-        let mut looks = Looks {
+        let mut calls = Counted {
             of,
             metric: None,
             count: 0,
         };
-        let found = search(from.to_vec(), &mut looks);
-        (found.unwrap(), looks.count)
+        let found = search(from.to_vec(), &mut calls);
+        (found.unwrap(), calls.count)
     }
 
     #[test]
     fn the_end_of_a_valley_is_found() {
-        let (found, looks) = least([0.2, 0.8], |at| Some(valley(at)));
-        assert!(found.value < 1e-8 && looks < 120, "{found:?} after {looks}");
+        let (found, calls) = least([0.2, 0.8], |at| Some(valley(at)));
+        assert!(found.value < 1e-8 && calls < 120, "{found:?} after {calls}");
         assert!(
             found.at.iter().all(|at| (at - 0.75).abs() < 1e-4),
             "{found:?}"
@@ -223,7 +223,7 @@ mod tests {
         let of = |at: &[f64]| (at[0] < 0.8).then(|| valley(at));
         let (found, _) = least([0.2, 0.8], of);
         assert!(found.value < 1e-6, "{found:?}");
-        let mut none = Looks {
+        let mut none = Counted {
             of: |_: &[f64]| None,
             metric: None,
             count: 0,
@@ -241,13 +241,13 @@ mod tests {
             Some((0.5 * dot(&slope, &from), slope.to_vec()))
         };
         let count = |metric| {
-            let mut looks = Looks {
+            let mut calls = Counted {
                 of,
                 metric,
                 count: 0,
             };
-            let found = search(vec![0.45, 0.56], &mut looks).unwrap();
-            (looks.count, found.value)
+            let found = search(vec![0.45, 0.56], &mut calls).unwrap();
+            (calls.count, found.value)
         };
         let known = count(Some(matrix.map(Vec::from).to_vec()));
         assert!(known.0 <= 4 && known.1 < 1e-20, "{known:?}");

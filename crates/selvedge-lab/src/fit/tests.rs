@@ -144,14 +144,14 @@ fn data_that_say_nothing_of_a_number_are_reported_so() {
         .find(|number| number.name.ends_with("damping"));
     assert!(damping.unwrap().error.is_infinite());
     let directions = fit.directions.as_ref().unwrap();
-    let told: Vec<bool> = directions
+    let identified: Vec<bool> = directions
         .iter()
-        .map(|direction| direction.is_told)
+        .map(|direction| direction.is_identified)
         .collect();
-    assert_eq!(told, [true, false]);
+    assert_eq!(identified, [true, false]);
     let report = fit.report();
     assert!(
-        report.contains("+1.00 material.damping | inf %: not told"),
+        report.contains("+1.00 material.damping | inf %: not identified"),
         "{report}"
     );
 }

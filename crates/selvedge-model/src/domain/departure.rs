@@ -96,9 +96,10 @@ impl Domain {
         let mut found = Vec::new();
         let mut add = |aspect, excess: f64, words: fmt::Arguments<'_>| {
             if excess > 1.0 {
-                let times = match excess {
-                    f64::INFINITY => String::new(),
-                    times => format!(" ({times:.1} times the bound)"),
+                let times = match aspect {
+                    Aspect::Handles | Aspect::FrameRate => String::new(),
+                    _ if excess.is_infinite() => String::new(),
+                    _ => format!(" ({excess:.1} times the bound)"),
                 };
                 let words = format!("{words}{times}");
                 found.push((excess, Departure { aspect, words }));

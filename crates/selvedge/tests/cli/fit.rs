@@ -154,7 +154,7 @@ fn a_trajectory_is_data_and_several_searches_have_one_end() {
 }
 
 #[test]
-fn a_wrong_order_is_told_what_is_wrong_and_leaves_nothing() {
+fn a_wrong_order_is_identified_what_is_wrong_and_leaves_nothing() {
     let dir = TestFolder::with_push();
     dir.write("marks.csv", "frame,vertex,x,y,z\n3,4,0.1,0.2,0.3\n");
     dir.write(

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 /// Standard error above which data do not tell a combination of numbers, in parts of their bounds.
-const UNTOLD: f64 = 0.1;
+const UNIDENTIFIED: f64 = 0.1;
 
 /// A combination of numbers, each in parts of its bounds.
 #[derive(Clone, Debug, Serialize)]
@@ -14,12 +14,12 @@ pub struct Direction {
     /// changes along it.
     pub error: f64,
     /// False where the data do not tell it: an error above a tenth of the bounds.
-    pub is_told: bool,
+    pub is_identified: bool,
     /// Part of each number, `[numbers]`, of length one.
     pub way: Vec<f64>,
 }
 
-/// The eigenvectors of JᵀJ/σ², the best told first, and the standard error of each number in parts of its
+/// The eigenvectors of JᵀJ/σ², the best known first, and the standard error of each number in parts of its
 /// bounds. `changes` has J by columns, `[numbers][coordinates]`; σ is `noise`. `[eq:gauss-newton]`
 pub(super) fn directions(changes: &[Vec<f64>], noise: f64) -> (Vec<Direction>, Vec<f64>) {
     let mut found = eigen(gauss_newton(changes, noise));
@@ -31,7 +31,7 @@ pub(super) fn directions(changes: &[Vec<f64>], noise: f64) -> (Vec<Direction>, V
         Direction {
             eigenvalue: eigenvalue.max(0.0),
             error,
-            is_told: error <= UNTOLD,
+            is_identified: error <= UNIDENTIFIED,
             way,
         }
     };
@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn what_data_see_as_a_sum_only_is_told_as_a_sum_only() {
+    fn what_data_see_as_a_sum_only_is_identified_as_a_sum_only() {
         // Two numbers of which only the sum is seen, and a third.
         let changes = [
             vec![1.0, 1.0, 0.0],
@@ -128,7 +128,10 @@ mod tests {
         ];
         let (directions, errors) = directions(&changes, 0.01);
         assert_eq!(
-            directions.iter().map(|d| d.is_told).collect::<Vec<_>>(),
+            directions
+                .iter()
+                .map(|d| d.is_identified)
+                .collect::<Vec<_>>(),
             [true, true, false]
         );
         assert!((directions[0].error - 0.01 / 2.0).abs() < 1e-12);
