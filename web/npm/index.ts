@@ -131,7 +131,7 @@ export class Cloth {
 
   /** Back to a snapshot of this cloth: the frames that follow have the same bytes. */
   restore(snapshot: Snapshot): void {
-    if ((snapshot as { __wbg_ptr?: number }).__wbg_ptr === 0) throw new Error("this snapshot was freed: take another");
+    if ((snapshot as { __wbg_ptr?: number } | null)?.__wbg_ptr === 0) throw new Error("this snapshot was freed: take another");
     this.cloth.restore(snapshot);
   }
 
@@ -174,9 +174,11 @@ function placeOf({ matrixWorld: { elements } }: Placed): Place {
     const [i, j] = [(k + 1) % 3, (k + 2) % 3];
     return sum + m(k, 2) * (m(i, 0) * m(j, 1) - m(j, 0) * m(i, 1));
   }, 0);
-  if (!(volume > 0) || !e.slice(12, 15).every(Number.isFinite)) {
-    throw new RangeError(`matrixWorld: expected 16 numbers by columns, without mirror or a scale of 0, found ${e.join(", ")}`);
+  if (!(Math.abs(volume) > 0) || !e.slice(12, 15).every(Number.isFinite)) {
+    throw new RangeError(`matrixWorld: expected 16 numbers by columns, without a scale of 0, found ${e.join(", ")}`);
   }
+  // As three.js has it, a mirror goes along the first axis.
+  if (volume < 0) sizes[0] = -sizes[0]!;
   // The largest of the four has the most digits.
   const squares = [
     1 + m(0, 0) - m(1, 1) - m(2, 2), 1 - m(0, 0) + m(1, 1) - m(2, 2),
