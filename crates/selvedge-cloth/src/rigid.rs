@@ -87,7 +87,9 @@ impl TryFrom<&[f64]> for Rigid {
             let turn = DMat3::from_mat4(*matrix);
             let apart = turn.transpose() * turn - DMat3::IDENTITY;
             let is_turn = apart.abs_diff_eq(DMat3::ZERO, 1e-4) && turn.determinant() > 0.0;
-            is_turn && matrix.row(3).abs_diff_eq(DVec4::W, 1e-6) && matrix.w_axis.length() <= FARTHEST
+            is_turn
+                && matrix.row(3).abs_diff_eq(DVec4::W, 1e-6)
+                && matrix.w_axis.length() <= FARTHEST
         };
         let Some(matrix) = matrix.filter(is_rigid) else {
             let transposed = numbers.map(|all| DMat4::from_cols_array(&all).transpose());
