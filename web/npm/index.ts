@@ -24,6 +24,12 @@ async function load(wasm: Options["wasm"]): Promise<InitOutput> {
   return init(wasm === undefined ? undefined : { module_or_path: wasm });
 }
 
+/** The number of a body as the module takes it, which makes 0 of what is no number. */
+function bodyNumber(body: number): number {
+  if (Number.isInteger(body) && body >= 0 && body < 2 ** 32) return body;
+  throw new RangeError(`body: ${String(body)} is no number of a body: they count 0, 1, 2 in the order of the scene`);
+}
+
 /** A cloth of a scene, moved by the solver or by a learned model. */
 export class Cloth {
   /** Corners of the faces, three vertices each. */
@@ -52,6 +58,10 @@ export class Cloth {
    * pose is sought first, which may take a second.
    */
   static async load(scene = "default", { model, wasm }: Options = {}): Promise<Cloth> {
+    // The module would read its memory at any other value.
+    for (const [name, value] of Object.entries({ scene, model: model ?? "" })) {
+      if (typeof value !== "string") throw new TypeError(`${name}: expected a text, found ${String(value)}`);
+    }
     loaded ??= load(wasm);
     try {
       const { memory } = await loaded;
@@ -76,7 +86,7 @@ export class Cloth {
    * (as `elements` of three.js's Matrix4) away from where the scene has it. It stays until it is led on.
    */
   leadBody(body: number, matrix: ArrayLike<number>): void {
-    this.cloth.leadBody(body, Float64Array.from(matrix));
+    this.cloth.leadBody(bodyNumber(body), Float64Array.from(matrix));
   }
 
   /**
@@ -84,7 +94,7 @@ export class Cloth {
    * rigid motion of a 4×4 matrix; the bodies of these numbers go along. It swings on as it did.
    */
   teleport(matrix: ArrayLike<number>, bodies: ArrayLike<number> = []): void {
-    this.cloth.teleport(Float64Array.from(matrix), Uint32Array.from(bodies));
+    this.cloth.teleport(Float64Array.from(matrix), Uint32Array.from(bodies, bodyNumber));
   }
 
   /** x, y and z of each vertex, m: a view into the module's memory, to be read before the next call. */
@@ -121,12 +131,17 @@ export class Cloth {
 
   /** Back to a snapshot of this cloth: the frames that follow have the same bytes. */
   restore(snapshot: Snapshot): void {
+    if ((snapshot as { __wbg_ptr?: number } | null)?.__wbg_ptr === 0) throw new Error("this snapshot was freed: take another");
     this.cloth.restore(snapshot);
   }
 
   /** Gives the memory back; the cloth can then no longer be used. */
   free(): void {
     this.cloth.free();
+    const freed = () => {
+      throw new Error("this cloth was freed: load another");
+    };
+    Object.defineProperty(this, "cloth", { get: freed });
   }
 }
 
@@ -155,6 +170,15 @@ function placeOf({ matrixWorld: { elements } }: Placed): Place {
   const e = Array.from(elements);
   const sizes = [0, 4, 8].map((at) => Math.hypot(e[at]!, e[at + 1]!, e[at + 2]!));
   const m = (row: number, column: number) => e[4 * column + row]! / sizes[column]!;
+  const volume = [0, 1, 2].reduce((sum, k) => {
+    const [i, j] = [(k + 1) % 3, (k + 2) % 3];
+    return sum + m(k, 2) * (m(i, 0) * m(j, 1) - m(j, 0) * m(i, 1));
+  }, 0);
+  if (!(Math.abs(volume) > 0) || !e.slice(12, 15).every(Number.isFinite)) {
+    throw new RangeError(`matrixWorld: expected 16 numbers by columns, without a scale of 0, found ${e.join(", ")}`);
+  }
+  // As three.js has it, a mirror goes along the first axis.
+  if (volume < 0) sizes[0] = -sizes[0]!;
   // The largest of the four has the most digits.
   const squares = [
     1 + m(0, 0) - m(1, 1) - m(2, 2), 1 - m(0, 0) + m(1, 1) - m(2, 2),
@@ -221,6 +245,9 @@ export class Worn {
     private readonly bodies: readonly Placed[],
     private readonly following: Following = {},
   ) {
+    const { mostFrames = 4, fastest = 10 } = following;
+    if (!(Number.isInteger(mostFrames) && mostFrames > 0)) throw new RangeError(`mostFrames: expected 1 or more, found ${mostFrames}`);
+    if (!(fastest > 0)) throw new RangeError(`fastest: expected a speed above 0 in m/s, found ${fastest}`);
     this.begin = [anchor, ...bodies].map((bone) => inverse(placeOf(bone)));
     this.held = Array.from(cloth.handles, (v) => Array.from(cloth.positions.slice(3 * v, 3 * v + 3)));
     this.last = this.now();
@@ -237,6 +264,7 @@ export class Worn {
    */
   update(seconds: number): number {
     const { mostFrames = 4, fastest = 10 } = this.following;
+    if (Number.isNaN(+seconds)) throw new RangeError(`seconds: expected the time since the last call, found ${seconds}`);
     const frame = 1 / this.cloth.frameRate;
     this.waiting += Math.max(seconds, 0);
     const frames = Math.min(Math.floor(this.waiting / frame + 1e-6), mostFrames);

@@ -129,6 +129,23 @@ test("what cannot be loaded is said", async () => {
   await assert.rejects(Cloth.load("nowhere"), /nowhere/);
   await assert.rejects(Cloth.load("default", { model: "none" }), /none/);
   await assert.rejects(Cloth.load('name = "x"\nmesh = 3\n'), /mesh/);
+  await assert.rejects(Cloth.load(42), /scene: expected a text, found 42/);
+  await assert.rejects(Cloth.load("default", { model: {} }), /model: expected a text/);
+});
+
+test("numbers of no body and what was freed are said", async () => {
+  const cloth = await Cloth.load("tablecloth");
+  const still = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
+  for (const body of [-1, 0.5, NaN, undefined, "x", 2 ** 32]) {
+    assert.throws(() => cloth.leadBody(body, still), new RegExp(`body: ${body} is no number`));
+    assert.throws(() => cloth.teleport(still, [body]), new RegExp(`body: ${body} is no number`));
+  }
+  const there = cloth.snapshot();
+  assert.throws(() => cloth.restore(null), /ClothSnapshot/);
+  there.free();
+  assert.throws(() => cloth.restore(there), /snapshot was freed/);
+  cloth.free();
+  for (const use of [() => cloth.step(), () => cloth.positions, () => cloth.frame, () => cloth.free()]) assert.throws(use, /cloth was freed/);
 });
 
 /** A page with this example alone, in Chromium; its errors are gathered. */

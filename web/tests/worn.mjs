@@ -126,3 +126,34 @@ test("what cannot be moved begins anew where the character stands, and is said",
   assert.equal(names(one.calls), "leadBody reset teleport");
   assert.ok(apart(one.calls[2][1], one.away()[0].elements) < 1e-12);
 });
+
+test("a bone that is mirrored is followed as three.js has it", () => {
+  const one = worn();
+  one.chest.scale.set(-0.01, 0.01, 0.01);
+  one.move();
+  const mirrored = new Worn(one.cloth, one.chest, []);
+  const rigid = () => {
+    const [place, turn] = [new THREE.Vector3(), new THREE.Quaternion()];
+    one.chest.matrixWorld.decompose(place, turn, new THREE.Vector3());
+    return new THREE.Matrix4().compose(place, turn, new THREE.Vector3(1, 1, 1));
+  };
+  const begin = rigid().invert();
+  one.chest.rotation.x += 0.05;
+  one.move();
+  mirrored.update(1 / 60);
+  assert.ok(apart(one.calls.at(-1)[1], held(one.cloth, rigid().multiply(begin))) < 1e-6);
+});
+
+test("times, settings and places that cannot be are said, and the next frame goes on", () => {
+  const one = worn();
+  assert.throws(() => one.worn.update(NaN), /seconds: expected .* found NaN/);
+  assert.throws(() => one.worn.update(), /seconds/);
+  one.chest.scale.setScalar(0);
+  one.move();
+  assert.throws(() => one.worn.update(1 / 60), /matrixWorld: .* without a scale of 0/);
+  one.chest.scale.setScalar(0.01);
+  one.move();
+  assert.equal(one.worn.update(1 / 60), 1);
+  for (const mostFrames of [0, 0.5, NaN]) assert.throws(() => worn({ mostFrames }), /mostFrames: expected 1 or more/);
+  for (const fastest of [0, -1, NaN]) assert.throws(() => worn({ fastest }), /fastest: expected a speed above 0/);
+});

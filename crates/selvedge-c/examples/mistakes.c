@@ -32,6 +32,7 @@ static void wrong_names(void) {
     expect(SELVEDGE_STATUS_ARGUMENT, selvedge_scene_open("\xff\xfe", &scene), "not UTF-8");
     expect(SELVEDGE_STATUS_ARGUMENT, selvedge_scene_open(NULL, &scene), "a null path");
     expect(SELVEDGE_STATUS_ARGUMENT, selvedge_scene_open("default", NULL), "nowhere to write");
+    expect(SELVEDGE_STATUS_ARGUMENT, selvedge_set_threads(SIZE_MAX), "threads without end");
     if (scene != 0 || model != 0) failures++;
 }
 

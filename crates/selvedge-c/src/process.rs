@@ -42,14 +42,18 @@ pub extern "C" fn selvedge_status_text(status: i32) -> *const c_char {
     status::words(status).unwrap_or(c"no status").as_ptr()
 }
 
+/// Threads beyond which a number is a mistake: all of them would be started.
+const MOST_THREADS: usize = 4096;
+
 /// Sets the number of threads on which all steppers work together; as many as the machine has,
 /// where nothing is said. Results are the same for any number. Only possible before the first
 /// stepper is made, and once.
 #[unsafe(no_mangle)]
 pub extern "C" fn selvedge_set_threads(threads: usize) -> SelvedgeStatus {
     call(|| {
-        if threads == 0 {
-            return Err(Fault::argument("threads: expected 1 or more, found 0"));
+        if !(1..=MOST_THREADS).contains(&threads) {
+            let text = format!("threads: expected 1 to {MOST_THREADS}, found {threads}");
+            return Err(Fault::argument(text));
         }
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
         pool.build_global().map_err(|error| {

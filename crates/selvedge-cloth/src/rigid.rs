@@ -6,6 +6,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::HandleError;
 
+/// Longest way that a matrix may have `[m]`: that of points of obstacles.
+const FARTHEST: f64 = 1e6;
+
 /// The rigid motion x → `turn` x + `by`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Rigid {
@@ -84,7 +87,9 @@ impl TryFrom<&[f64]> for Rigid {
             let turn = DMat3::from_mat4(*matrix);
             let apart = turn.transpose() * turn - DMat3::IDENTITY;
             let is_turn = apart.abs_diff_eq(DMat3::ZERO, 1e-4) && turn.determinant() > 0.0;
-            is_turn && matrix.row(3).abs_diff_eq(DVec4::W, 1e-6) && matrix.is_finite()
+            is_turn
+                && matrix.row(3).abs_diff_eq(DVec4::W, 1e-6)
+                && matrix.w_axis.length() <= FARTHEST
         };
         let Some(matrix) = matrix.filter(is_rigid) else {
             let transposed = numbers.map(|all| DMat4::from_cols_array(&all).transpose());
@@ -94,7 +99,7 @@ impl TryFrom<&[f64]> for Rigid {
                 Some(other) => format!("found the rows {:?}", other.to_cols_array_2d()),
             };
             return Err(HandleError::Unusable(format!(
-                "no rigid motion: write a 4×4 matrix whose upper left 3×3 numbers rotate without scale, mirror or shear, whose last column is the way in metres and 1, and whose last row is 0 0 0 1; {found}"
+                "no rigid motion: write a 4×4 matrix whose upper left 3×3 numbers rotate without scale, mirror or shear, whose last column is the way in metres, at most 1e6, and 1, and whose last row is 0 0 0 1; {found}"
             )));
         };
         let turn = DQuat::from_mat4(&matrix).normalize();
@@ -137,7 +142,9 @@ mod tests {
             refused(&wrong)
         );
         wrong = columns;
-        wrong[13] = f64::NAN;
-        assert!(refused(&wrong).contains("without scale"));
+        for far in [f64::NAN, 1.1e6, 1e300] {
+            wrong[13] = far;
+            assert!(refused(&wrong).contains("at most 1e6"), "{far}");
+        }
     }
 }

@@ -60,8 +60,8 @@ pub unsafe extern "C" fn selvedge_stepper_counts(
 }
 
 /// Lends the positions `[m]`, `[vertices][3]`, without a copy: `out` gets their address, `vertices`
-/// how many there are. They may be read until the next call that steps or frees this stepper, from
-/// whichever thread; whoever cannot rule that out copies them.
+/// how many there are. They may be read until the next call that moves this stepper (a step,
+/// a teleport, a way back) or frees it, from whichever thread; whoever cannot rule that out copies them.
 ///
 /// # Safety
 /// `out` and `vertices` may be written.

@@ -112,7 +112,7 @@ namespace Selvedge
         {
             int handles = (int)Counts.Handles;
             // The library cannot know the lengths of these arrays.
-            if (targets == null || samples < 1 || targets.Length != samples * handles * 3)
+            if (targets == null || samples < 1 || targets.Length != 3L * samples * handles)
                 throw new SelvedgeException(
                     Status.Count,
                     "targets: expected samples * " + handles + " handles * 3 numbers, found "
@@ -186,7 +186,7 @@ namespace Selvedge
         /// <summary>Targets of the next step as the motion of the scene has them.</summary>
         public double[] MotionTargets(int samples)
         {
-            var targets = new double[Math.Max(samples, 0) * (int)Counts.Handles * 3];
+            var targets = new double[checked(3 * Math.Max(samples, 0) * (int)Counts.Handles)];
             Check(Native.selvedge_motion_targets(
                 handle, targets, (UIntPtr)(uint)Math.Max(samples, 0), (UIntPtr)Counts.Handles, null));
             return targets;

@@ -86,6 +86,19 @@ namespace Selvedge.Tests
             if (found != status || (found != Status.Ok && text.Length == 0)) failures++;
         }
 
+        private static void Overflow(Action work)
+        {
+            try
+            {
+                work();
+            }
+            catch (OverflowException)
+            {
+                return;
+            }
+            throw new Exception("an array of more numbers than one can have");
+        }
+
         private static void Mistakes(string sceneName)
         {
             Expect(Status.Open, () => new Scene("nowhere/at-all.toml"), "no scene");
@@ -95,6 +108,9 @@ namespace Selvedge.Tests
             var model = new Model();
             var stepper = Stepper.OfModel(scene, model);
             Expect(Status.Count, () => stepper.Step(new double[3]), "few targets");
+            // 3 numbers for each of 2 handles: as many samples come to 8 in 32 bits.
+            Expect(Status.Count, () => stepper.Step(new double[8], 715827884), "many samples");
+            Overflow(() => stepper.MotionTargets(715827884));
             Expect(Status.Argument, () => stepper.Step(NotNumbers(stepper)), "not numbers");
             Expect(Status.Count, () => stepper.CopyPositions(new float[3]), "few positions");
             Expect(Status.Ok, stepper.StepAlong, "a step");

@@ -39,18 +39,18 @@ pub struct Push {
     pub turn: f64,
 }
 
-/// A request by a button or a choice.
+/// A request by a button or a choice. Those without fields have braces: serde would let others pass.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "do", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Command {
     /// Time stops.
-    Pause,
+    Pause {},
     /// Time goes on.
-    Resume,
+    Resume {},
     /// One frame, and time stops.
-    Step,
+    Step {},
     /// Back to the start: the rest pose, the handles of the scene.
-    Reset,
+    Reset {},
     /// Another cloth.
     Order {
         /// The cloth.
@@ -89,15 +89,15 @@ pub enum Command {
         name: String,
     },
     /// The motion ends at its present place.
-    StopMotion,
+    StopMotion {},
     /// Every frame from now on is kept.
-    Record,
+    Record {},
     /// The kept frames are written.
-    StopRecording,
+    StopRecording {},
     /// The last recording is played.
-    Replay,
+    Replay {},
     /// Back from a recording to the cloth that moves.
-    Live,
+    Live {},
     /// The recording goes on from this frame.
     Seek {
         /// Counted from 0.
@@ -123,7 +123,7 @@ pub enum Command {
         velocity: [f64; 3],
     },
     /// All handles are let go.
-    Drop,
+    Drop {},
     /// Frames have the gaps of the vertices, or no longer.
     Gaps {
         /// True for those that have.

@@ -85,6 +85,7 @@ fn each_defect_has_its_reason() {
         (vec![0; LONGEST + 1], "are the most"),
         (command(r#"{"do":"fly"}"#), "fly"),
         (command(r#"{"do":"seek","frame":1,"x":2}"#), "`x`"),
+        (command(r#"{"do":"reset","x":2}"#), "`x`"),
     ] {
         let text = decode(&bytes).unwrap_err().to_string();
         assert!(text.contains(words), "{words}: {text}");

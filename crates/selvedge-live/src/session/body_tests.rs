@@ -55,7 +55,7 @@ fn a_body_goes_where_it_is_led_within_the_limits() {
     assert!(before.distance(goal) < 1e-5, "{before}");
     // The ball has stayed.
     assert!(middle(&session, 1).distance(start) < 1e-6);
-    ask(&mut session, Command::Reset);
+    ask(&mut session, Command::Reset {});
     assert!(middle(&session, 0).distance(start) < 1e-6);
     session.advance();
     assert!(middle(&session, 0).distance(start) < 1e-6);
@@ -139,7 +139,7 @@ fn a_cloth_is_dropped_and_gaps_are_told_where_they_are_wanted() {
     ask(&mut session, Command::Gaps { shown: true });
     assert!(session.state().gaps);
     assert_eq!(session.showing.gaps(), [vec![0.25; 4]]);
-    ask(&mut session, Command::Drop);
+    ask(&mut session, Command::Drop {});
     let live = session.showing.live.as_ref().unwrap();
     assert!(live.influences().handles.is_empty());
     session.advance();
@@ -156,13 +156,13 @@ fn a_recording_keeps_the_bodies_and_a_ball_that_was_thrown() {
         if thrown {
             throw(&mut session, DVec3::new(-2.0, 1.0, 0.0), DVec3::Z * 5.0);
         }
-        ask(&mut session, Command::Record);
+        ask(&mut session, Command::Record {});
         let mut seen = vec![session.showing.live.as_ref().unwrap().body_points()];
         for _ in 0..5 {
             session.advance();
             seen.push(session.showing.live.as_ref().unwrap().body_points());
         }
-        ask(&mut session, Command::StopRecording);
+        ask(&mut session, Command::StopRecording {});
         let recorded = Trajectory::read(&session.recordings.files[0]).unwrap();
         let tracks = recorded.obstacles();
         assert_eq!(tracks.len(), 1 + usize::from(thrown));

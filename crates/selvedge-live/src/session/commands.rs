@@ -86,13 +86,13 @@ impl Session {
 
     fn command(&mut self, command: Command) -> Result<(), Reason> {
         match command {
-            Command::Pause => self.time.running = false,
-            Command::Resume => self.resume(),
-            Command::Step => {
+            Command::Pause {} => self.time.running = false,
+            Command::Resume {} => self.resume(),
+            Command::Step {} => {
                 self.time.running = false;
                 self.advance();
             }
-            Command::Reset => return self.reset(),
+            Command::Reset {} => return self.reset(),
             Command::Order { order } => self.place_order(order),
             Command::Mover { mover } => return self.set_mover(mover),
             Command::Wind { wind } => return self.set_wind(DVec3::from_array(wind)),
@@ -105,14 +105,14 @@ impl Session {
                 return self.change_held(|held| held.retain(|v| !vertices.contains(v)));
             }
             Command::Motion { name } => return self.follow(name),
-            Command::StopMotion => self.unfollow(),
-            Command::Record => return self.record(),
-            Command::StopRecording => self.stop_recording(),
-            Command::Replay => {
+            Command::StopMotion {} => self.unfollow(),
+            Command::Record {} => return self.record(),
+            Command::StopRecording {} => self.stop_recording(),
+            Command::Replay {} => {
                 let replay = self.recordings.replay.clone();
                 self.play(replay.ok_or("nothing has been recorded yet")?);
             }
-            Command::Live => self.go_live(),
+            Command::Live {} => self.go_live(),
             Command::Seek { frame } => {
                 if let Some(player) = &mut self.showing.player {
                     player.seek(frame);
@@ -126,7 +126,7 @@ impl Session {
             Command::Throw { from, velocity } => {
                 return self.throw(DVec3::from_array(from), DVec3::from_array(velocity));
             }
-            Command::Drop => return self.change_held(Vec::clear),
+            Command::Drop {} => return self.change_held(Vec::clear),
             Command::Gaps { shown } => {
                 self.shows_gaps = shown;
                 self.publish_frame();

@@ -121,7 +121,7 @@ impl EmbeddedSession {
         {
             live.step(&targets, true);
         }
-        let reset = ClientMessage::Command(protocol::Command::Reset);
+        let reset = ClientMessage::Command(protocol::Command::Reset {});
         self.session.take(Request::Page(PAGE, reset));
         self.session.time.pace.restart(Instant::now());
     }

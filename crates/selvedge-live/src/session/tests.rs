@@ -141,7 +141,7 @@ fn a_handle_that_a_motion_has_let_go_stays_where_it_is() {
                 _ => {}
             }
             if frame == stop {
-                ask(&mut session, Command::StopMotion);
+                ask(&mut session, Command::StopMotion {});
             }
             let before = track(&session, 0)[1];
             session.advance();
@@ -175,7 +175,7 @@ fn a_recording_ends_where_the_wind_changes() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = session(falling(), Mover::Physics);
     session.recordings.destination = Destination::Folder(folder.path().to_owned());
-    ask(&mut session, Command::Record);
+    ask(&mut session, Command::Record {});
     (0..3).for_each(|_| session.advance());
     // The wind that blows already.
     blow(&mut session, 0.0);
@@ -190,9 +190,9 @@ fn a_recording_ends_where_the_wind_changes() {
 #[test]
 fn a_recording_is_not_begun_twice() {
     let mut session = session(falling(), Mover::Physics);
-    ask(&mut session, Command::Record);
+    ask(&mut session, Command::Record {});
     (0..3).for_each(|_| session.advance());
-    ask(&mut session, Command::Record);
+    ask(&mut session, Command::Record {});
     assert_told(&session, "under way");
     assert_eq!(recorded_frames(&mut session), 4);
 }
@@ -201,7 +201,7 @@ fn a_recording_is_not_begun_twice() {
 fn a_vertex_that_is_not_there_ends_nothing() {
     let mut session = session(falling(), Mover::Physics);
     play_scene(&mut session);
-    ask(&mut session, Command::Record);
+    ask(&mut session, Command::Record {});
     session.advance();
     let vertices = vec![9];
     ask(&mut session, Command::Hold { vertices });

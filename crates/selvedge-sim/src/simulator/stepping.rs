@@ -108,7 +108,10 @@ impl Stepper for Simulator {
             contact.anchors.clear();
             contact.still.clear();
         }
-        for number in along {
+        for (k, number) in along.iter().enumerate() {
+            if along[..k].contains(number) {
+                continue;
+            }
             let count = state.obstacles.len();
             let place = state.obstacles.get_mut(*number);
             let place = place.ok_or(StepError::Obstacle {
