@@ -385,7 +385,9 @@ SelvedgeStatus selvedge_stepper_counts(SelvedgeStepper stepper, struct SelvedgeC
 //
 // # Safety
 // `out` and `vertices` may be written.
-SelvedgeStatus selvedge_positions(SelvedgeStepper stepper, const float **out, size_t *vertices);
+SelvedgeStatus selvedge_positions(SelvedgeStepper stepper,
+                                  const float **out,
+                                  size_t *vertices);
 
 // Copies the positions `[m]` to `out`, `[vertices][3]`.
 //
