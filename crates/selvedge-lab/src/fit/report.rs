@@ -12,6 +12,8 @@ use super::{Fit, Number};
 use crate::folder::FITTED;
 use crate::physics;
 
+/// Times the noise from which what is left is more than that.
+const BEYOND: f64 = 1.3;
 /// Part of a direction below which a number is not named.
 const NAMED: f64 = 0.2;
 
@@ -99,6 +101,10 @@ impl Fit {
         for number in &self.numbers {
             let ([low, high], first) = (number.bounds, short(number.first));
             let _ = writeln!(page, "| {number} | {first} | {low} to {high} |");
+        }
+        if left > BEYOND * self.noise.unwrap_or(left) {
+            page += "\nWhat is left is more than noise: this may be no more than the best nearby, and the errors \
+                above too small. Try more `starts`.\n";
         }
         if let Some(why) = self.failures.last() {
             let _ = writeln!(page, "\nThe last run that failed: {why:#}.");

@@ -154,4 +154,7 @@ fn data_that_say_nothing_of_a_number_are_reported_so() {
         report.contains("+1.00 material.damping | inf %: not identified"),
         "{report}"
     );
+    assert!(report.contains("more than noise"), "{report}");
+    fit.noise = Some(200.0);
+    assert!(!fit.report().contains("more than noise"));
 }
