@@ -21,12 +21,13 @@ const SAME: f64 = 1e-7;
 /// The same of slips `[m]`.
 const ROUNDING: f64 = 1e-13;
 
-/// Derivative by the pull of an anchor that a substep left `[1/N]`.
+/// Derivative by the pull of an anchor that a substep left `[1/N]`, and by up to which compression it bears.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AnchorSlope {
     of: Touching,
     normal: DVec3,
     by: DVec3,
+    by_pressed: f64,
 }
 
 /// A solve over `time` `[s]` with a stage of γ `[s]`, and places of the cloth's vertices `[m]`,
@@ -87,15 +88,17 @@ impl ObstacleSlope {
 enum Value {
     /// γ Σ λ·f over its corners, of these λ.
     Work([DVec3; 4]),
-    /// The pull of the anchor that it leaves, times this.
-    Pull(DVec3),
+    /// The pull of the anchor that it leaves, times this, and up to which compression that bears, times this.
+    Anchor(DVec3, f64),
 }
 
-/// What a value depends on: vectors, at the places below, and inverse masses of the corners.
+/// What a value depends on: vectors, at the places below, inverse masses of the corners, and up to which
+/// compression the anchor bears.
 #[derive(Clone, Copy)]
 struct Inputs<N: Number> {
     vectors: [N::Vector; VECTORS],
     inverse: [N; 4],
+    pressed: N,
     has_wing: [[bool; 2]; 2],
 }
 
@@ -183,9 +186,11 @@ impl Collisions {
             let own = |slope: &&AnchorSlope| {
                 collision.anchored == Some(slope.of) && collision.normal == slope.normal
             };
-            let sum: DVec3 = slopes.iter().filter(own).map(|slope| slope.by).sum();
-            if sum != DVec3::ZERO {
-                let value = Value::Pull(sum);
+            let own = || slopes.iter().filter(own);
+            let sum: DVec3 = own().map(|slope| slope.by).sum();
+            let by_pressed: f64 = own().map(|slope| slope.by_pressed).sum();
+            if sum != DVec3::ZERO || by_pressed != 0.0 {
+                let value = Value::Anchor(sum, by_pressed);
                 collision.pull_back(tape, places, value, by, anchors);
             }
         }
@@ -236,6 +241,12 @@ impl Collision {
             _ => true,
         };
         let wanted: Vec<usize> = (0..VECTORS).filter(is_wanted).collect();
+        // A number that has a rate where no vectors have.
+        let number = |moved: &[usize], value: f64, place: usize, rate: f64| {
+            let mut rates = [0.0; RATES];
+            rates[place] = if moved.is_empty() { rate } else { 0.0 };
+            Dual { value, rates }
+        };
         let inputs = |moved: &[usize]| Inputs {
             vectors: std::array::from_fn(|number| {
                 let first = moved.iter().position(|own| *own == number).map(|k| 3 * k);
@@ -246,15 +257,10 @@ impl Collision {
                 DualVector::<RATES>::new(vectors[number], std::array::from_fn(rate))
             }),
             inverse: std::array::from_fn(|k| {
-                let mut rates = [0.0; RATES];
-                if moved.is_empty() {
-                    rates[k] = -tape.inverse[k] * tape.inverse[k];
-                }
-                Dual {
-                    value: tape.inverse[k],
-                    rates,
-                }
+                let rate = -tape.inverse[k] * tape.inverse[k];
+                number(moved, tape.inverse[k], k, rate)
             }),
+            pressed: number(moved, self.pressure.pressed, 4, 1.0),
             has_wing: wings.map(|wings| wings.map(|wing| wing.is_some())),
         };
         let mut slopes = [DVec3::ZERO; VECTORS];
@@ -264,7 +270,7 @@ impl Collision {
                 slopes[*number] = DVec3::from_array(*rates);
             }
         }
-        let by_masses = self.value(tape, places, value, &inputs(&[])).rates;
+        let by_numbers = self.value(tape, places, value, &inputs(&[])).rates;
         for k in 0..4 {
             let (start, end) = (slopes[STARTS + k], slopes[ENDS + k]);
             if !tape.is_cloth[k] {
@@ -281,7 +287,7 @@ impl Collision {
             if by_estimate != 0.0 {
                 by.estimates[solve][corner] += end * by_estimate;
             }
-            by.masses[corner] += by_masses[k];
+            by.masses[corner] += by_numbers[k];
             by.expected[corner] += slopes[EXPECTED] * self.weights[k];
             by.end[corner] += slopes[END] * self.weights[k];
             if let Some((solve, _)) = tape.slid {
@@ -304,6 +310,7 @@ impl Collision {
                 of: anchor.of,
                 normal: anchor.normal,
                 by: slopes[ANCHOR],
+                by_pressed: by_numbers[4],
             });
         }
     }
@@ -393,25 +400,29 @@ impl Collision {
             Share::Edges(_) => edge_share(starts, inputs.wings(), shape.weights, normal, thickness),
             Share::Round => round_share(tape.kind, starts, thickness),
         };
+        let pressure = self.pressure.with(inputs.pressed);
         let inertia = shape.mass * (1.0 / (time * time));
         let barrier = Barrier {
             thickness: self.thickness,
             base: shape.mean_mass * (1.0 / (time * time)),
             share,
             inertia: shape.mass * (1.0 / (gamma * gamma)),
-            pressure: self.pressure,
+            pressure,
             recovery: RECOVERY / time,
         };
         let estimate = gap_at(expected);
         let tangent: Tangent<N> = match self.at {
             None => barrier.linearise(shape.gap, estimate),
-            Some(gap) => barrier.at(match tape.at {
-                At::Fixed => one.same(gap),
-                At::Start => shape.gap,
-                At::Half => (distance::<N>(tape.kind, starts) - tape.radius) * 0.5,
-            }),
+            Some(gap) => {
+                let at = match tape.at {
+                    At::Fixed => one.same(gap),
+                    At::Start => shape.gap,
+                    At::Half => (distance::<N>(tape.kind, starts) - tape.radius) * 0.5,
+                };
+                barrier.at(at, shape.gap)
+            }
         };
-        let firm = self.pressure.firm(shape.gap, self.thickness);
+        let firm = pressure.firm(shape.gap, self.thickness);
         let grip = match firm {
             Some(firm) => inertia.greater(firm.stiffness * SHEAR),
             None => inertia,
@@ -422,11 +433,15 @@ impl Collision {
         let slip = slip_at(end);
         let by = match value {
             Value::Work(multipliers) => multipliers,
-            Value::Pull(by) => {
-                let most = tangent.force_at(gap_at(end)).at_least(0.0) * self.friction;
+            Value::Anchor(by, by_pressed) => {
+                let (gap, way) = (gap_at(end), end.dot(end).sqrt());
+                let pressed = pressure.pressed_after(places.part * time, way, gap, thickness);
+                let pressed = pressed * by_pressed;
+                let most = tangent.force_at(gap).at_least(0.0) * self.friction;
                 let pull = grip * slip.dot(slip).sqrt();
                 let kept = if pull.within(most) { one } else { most / pull };
-                return if zero.below(most) { lift(one, by).dot(slip) * grip * kept } else { zero };
+                let left = || lift(one, by).dot(slip) * grip * kept;
+                return if zero.below(most) { left() + pressed } else { pressed };
             }
         };
         let slides = |at: N::Vector, most: N| {
