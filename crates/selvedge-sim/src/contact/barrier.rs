@@ -140,10 +140,8 @@ impl<N: Real> Barrier<N> {
     /// This tangent, and that of the pressure at the same gap; of what is pressed slowly, at the gap `rest`
     /// and with its friction.
     fn pressed(&self, tangent: Tangent<N>, rest: N) -> Tangent<N> {
-        let (gap, more) = match self.pressure.is_slow {
-            true => (rest, 1.0 + self.recovery),
-            false => (tangent.gap, 1.0),
-        };
+        let is_slow = self.pressure.is_slow;
+        let (gap, more) = if is_slow { (rest, 1.0 + self.recovery) } else { (tangent.gap, 1.0) };
         let mut pressure = self.pressure.tangent(gap, self.thickness);
         pressure.stiffness = pressure.stiffness * more;
         Tangent {
