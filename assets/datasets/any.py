@@ -1,5 +1,5 @@
 """Writes the preset of the data set for `any`: cloths of 100 to 1600 vertices per square metre, of
-mixtures of the shipped fabrics, in wind of up to 10 m/s with gusts, on 1 to 17 handles that move
+mixtures of four fabrics, in wind of up to 10 m/s with gusts, on 1 to 17 handles that move
 together or apart, are let go and take hold again.
 
     python3 assets/datasets/any.py out/any
@@ -19,19 +19,12 @@ import tomllib
 import broad
 
 MATERIALS = pathlib.Path(__file__).parent.parent / "materials"
-PHYSICS = "{ substeps = 8, solver = { conjugate-gradients = { tolerance = 1e-7 } } }"
+#: The other shipped fabrics are kept for tests.
+FABRICS = ["11oz-black-denim", "camel-ponte-roma", "gray-interlock", "navy-sparkle-sweat"]
+# A leap may strain a soft fabric by more than 1.5, the default, which would end the generation.
+PHYSICS = "{ substeps = 8, max_strain = 4.0, solver = { conjugate-gradients = { tolerance = 1e-7 } } }"
 #: Vertices of a cloth: a sample costs as much as it has.
 FEWEST, MOST = 90, 900
-
-
-def tables(file):
-    """A material's file with the numbers of the one that it is `from`, its multipliers multiplied out."""
-    own = tomllib.loads(file.read_text())
-    known = tables(MATERIALS / f"{own.pop('from')}.toml") | own if "from" in own else own
-    for key in ("stretch", "bend"):
-        factor = known.pop(f"{key}_multiplier", 1.0)
-        known[key] = [[factor * value for value in row] for row in known[key]]
-    return known
 
 
 def fabric(draw, known):
@@ -149,8 +142,7 @@ def own_ways(draw, places):
 
 def main(folder, cloths):
     folder.mkdir(parents=True, exist_ok=True)
-    files = sorted(MATERIALS.glob("*.toml"))
-    known = {file.stem: tables(file) for file in files}
+    known = {name: tomllib.loads((MATERIALS / f"{name}.toml").read_text()) for name in FABRICS}
     draw = random.Random(20261128)
     text = 'name = "any"\nsections = "whole"\ntrain = []\ntest = "all-test"\n\n[setting]\nmaterial = "gray-interlock"\n'
     text += 'mesh = { generator = { kind = "square", vertices = 400, size = 1.0, seed = 1 } }\n'

@@ -8,6 +8,7 @@ use numpy::ndarray::{ArrayView, Dimension, ShapeBuilder};
 use numpy::{AllowTypeChange, Element, IntoPyArray, PyArray, PyArray1, PyArray2, PyArray3};
 use numpy::{PyArrayLikeDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::PyClass;
+use pyo3::exceptions::PyOverflowError;
 use pyo3::prelude::*;
 use pyo3::pyclass::boolean_struct::True;
 use selvedge_cloth::{HandlePath, Handles, Topology};
@@ -130,4 +131,21 @@ pub(crate) fn pairs(numbers: &Numbers<'_>, what: &str) -> PyResult<Vec<DVec2>> {
 pub(crate) fn triples(numbers: &Numbers<'_>) -> Vec<DVec3> {
     let flat: Vec<f64> = numbers.as_array().iter().copied().collect();
     flat.chunks_exact(3).map(DVec3::from_slice).collect()
+}
+
+/// Whole numbers of Python, none below 0.
+///
+/// # Errors
+/// A number that is negative or too large: a wrong argument, and no `OverflowError`.
+pub(crate) fn natural<'py, T>(given: &Bound<'py, PyAny>) -> PyResult<T>
+where
+    for<'a> T: FromPyObject<'a, 'py, Error = PyErr>,
+{
+    given.extract().map_err(|error: PyErr| {
+        if error.is_instance_of::<PyOverflowError>(given.py()) {
+            wrong(format!("give a whole number from 0 on, found {given}"))
+        } else {
+            error
+        }
+    })
 }

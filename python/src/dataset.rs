@@ -12,6 +12,7 @@ use selvedge_data::{
 use selvedge_lab::folder::{self, FolderKind};
 use selvedge_lab::generation::{self, Order};
 
+use crate::arrays::natural;
 use crate::errors::{raised, wrong};
 use crate::json;
 use crate::long::beside_reporting;
@@ -59,7 +60,7 @@ impl Dataset {
         py: Python<'_>,
         preset: PathBuf,
         folder: PathBuf,
-        threads: Option<usize>,
+        #[pyo3(from_py_with = natural)] threads: Option<usize>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Self> {
         beside_reporting(py, progress, |_, reporter| {

@@ -31,8 +31,12 @@ pub(crate) fn wrong(problem: impl Into<String>) -> PyErr {
     PyValueError::new_err(problem.into())
 }
 
-/// A step that failed as an exception with the number of its frame.
+/// A step that failed as an exception with the number of its frame; a body that does not exist is a
+/// wrong argument.
 pub(crate) fn step_failed(py: Python<'_>, error: StepError) -> PyErr {
+    if matches!(error, StepError::Obstacle { .. }) {
+        return wrong(error.to_string());
+    }
     let frame = error.frame();
     let exception = FrameError::new_err(cause::chain(&error));
     match exception.value(py).setattr("frame", frame) {

@@ -15,6 +15,7 @@ use selvedge_lab::folder::{self, FolderKind};
 use selvedge_lab::report::{self, Heading};
 use serde_json::Value;
 
+use crate::arrays::natural;
 use crate::dataset::{Data, split_named};
 use crate::errors::{raised, wrong};
 use crate::guarding;
@@ -110,10 +111,10 @@ pub(crate) fn evaluate(
     split: &str,
     motions: Vec<String>,
     horizons: Option<Vec<usize>>,
-    starts: usize,
+    #[pyo3(from_py_with = natural)] starts: usize,
     baselines: Vec<String>,
     physics: Vec<u32>,
-    threads: Option<usize>,
+    #[pyo3(from_py_with = natural)] threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Evaluation> {
     let (files, mut methods) = entrants(models, &guards)?;

@@ -11,7 +11,7 @@ use selvedge_lab::domain::{self, Beyond};
 use selvedge_lab::physics::{self, Simulated};
 use selvedge_lab::watched::{self, GuardSummary};
 
-use crate::arrays::Numbers;
+use crate::arrays::{Numbers, natural};
 use crate::errors::raised;
 use crate::guarding;
 use crate::json;
@@ -53,6 +53,13 @@ impl Rollout {
     #[getter]
     fn summary<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         json::to_python(py, &self.summary)
+    }
+
+    /// The reason not to trust the motion, in words: more than 3 % of its frames were beyond the guard's
+    /// bounds; `None` otherwise.
+    #[getter]
+    fn doubt(&self) -> Option<String> {
+        self.summary.doubt_in_words()
     }
 
     /// Parts of the scene that the model was not trained on, in words; `None` where its file does
@@ -104,7 +111,7 @@ impl Rollout {
 pub(crate) fn simulate(
     py: Python<'_>,
     scene: &Scene,
-    frames: Option<usize>,
+    #[pyo3(from_py_with = natural)] frames: Option<usize>,
     positions: Option<Numbers<'_>>,
     velocities: Option<Numbers<'_>>,
     progress: Option<Py<PyAny>>,
@@ -147,7 +154,7 @@ pub(crate) fn rollout(
     py: Python<'_>,
     scene: &Scene,
     model: &Model,
-    frames: Option<usize>,
+    #[pyo3(from_py_with = natural)] frames: Option<usize>,
     guard: &str,
     truth: bool,
     progress: Option<Py<PyAny>>,

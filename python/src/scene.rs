@@ -16,7 +16,7 @@ use selvedge_data::{
 };
 use selvedge_sim::SaggedRest;
 
-use crate::arrays::{self, Numbers};
+use crate::arrays::{self, Numbers, natural};
 use crate::errors::{raised, wrong};
 use crate::json;
 use crate::long::{Progress, beside_reporting};
@@ -105,9 +105,9 @@ impl Mesh {
     fn generate(
         py: Python<'_>,
         shape: &str,
-        vertices: usize,
+        #[pyo3(from_py_with = natural)] vertices: usize,
         size: f64,
-        seed: u64,
+        #[pyo3(from_py_with = natural)] seed: u64,
         width: Option<f64>,
     ) -> PyResult<Self> {
         let shape: Shape = serde_json::from_value(shape.into()).map_err(raised)?;
@@ -181,6 +181,11 @@ fn corners(faces: &Numbers<'_>) -> PyResult<Vec<[u32; 3]>> {
 }
 
 fn flat_coordinates(positions: &[glam::DVec3]) -> PyResult<Vec<glam::DVec2>> {
+    if let Some(vertex) = positions.iter().position(|p| !p.is_finite()) {
+        return Err(wrong(format!(
+            "positions must be finite, and those of vertex {vertex} are not"
+        )));
+    }
     let first = positions.first().map_or(0.0, |p| p.x);
     match positions.iter().position(|p| p.x != first) {
         None => Ok(positions
@@ -465,8 +470,8 @@ impl Scene {
     fn targets<'py>(
         &self,
         py: Python<'py>,
-        frame: usize,
-        samples: usize,
+        #[pyo3(from_py_with = natural)] frame: usize,
+        #[pyo3(from_py_with = natural)] samples: usize,
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
         if samples > MOST_SAMPLES {
             return Err(wrong(format!(

@@ -4,7 +4,7 @@ use glam::DVec3;
 use numpy::{IntoPyArray, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
-use selvedge::{Gradient, GradientSettings, Run};
+use selvedge::{Gradient, GradientError, GradientSettings, Run};
 use selvedge_sim::{Checkpoint, Simulator as Physics};
 
 use crate::arrays::{self, Numbers};
@@ -133,11 +133,11 @@ impl Simulator {
                 add(frame, &mut by.velocities, &seeds[1]);
             })
         });
-        gradient_dict(
-            py,
-            made.map_err(raised)?,
-            slf.as_super().get().handles.len(),
-        )
+        let made = made.map_err(|error| match error {
+            GradientError::NotFinite { .. } => wrong(error.to_string()),
+            _ => raised(error),
+        });
+        gradient_dict(py, made?, slf.as_super().get().handles.len())
     }
 
     /// Kinetic energy [J].

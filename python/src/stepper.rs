@@ -21,7 +21,7 @@ use selvedge_cloth::{Cloth, Stepper as MovesCloth};
 use selvedge_data::Playback;
 use selvedge_lab::rigid::RigidRest;
 
-use crate::arrays::{self, Numbers};
+use crate::arrays::{self, Numbers, natural};
 use crate::errors::{raised, step_failed, wrong};
 use crate::guarding;
 use crate::long::{Progress, Stop, beside, beside_reporting};
@@ -250,7 +250,7 @@ impl Stepper {
     fn follow<'py>(
         &self,
         py: Python<'py>,
-        frames: usize,
+        #[pyo3(from_py_with = natural)] frames: usize,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyArray3<f32>>> {
         let mut guard = self.free()?;
@@ -342,14 +342,17 @@ impl Stepper {
     /// it the obstacles of the numbers `bodies`; its velocities turn along. The next targets begin
     /// from there.
     ///
-    /// Raises `FrameError` where it would meet an obstacle, or is moved by a model; it stays then.
+    /// Raises `FrameError` where it would meet an obstacle, or is moved by a model, and `ValueError` for
+    /// the number of no obstacle; it stays then.
     #[pyo3(signature = (matrix, bodies=Vec::new()))]
-    fn teleport(&self, py: Python<'_>, matrix: Numbers<'_>, bodies: Vec<usize>) -> PyResult<()> {
+    fn teleport(
+        &self,
+        py: Python<'_>,
+        matrix: Numbers<'_>,
+        #[pyo3(from_py_with = natural)] bodies: Vec<usize>,
+    ) -> PyResult<()> {
         let to = rigid_of(&matrix)?;
         let mut core = self.free()?;
-        for body in &bodies {
-            check_body(core.kind.run()?, *body)?;
-        }
         let moved = core.kind.mover_mut().teleport(to, &bodies);
         moved.map_err(|error| step_failed(py, error))?;
         self.show(py, &core)
@@ -357,13 +360,18 @@ impl Stepper {
 
     /// Leads the obstacle of this number, from 0, in the next frame away from its own path, by the
     /// rigid motion of a matrix (4, 4); it stays there until it is led on. Only the solver has them.
-    fn lead_body(&self, body: usize, matrix: Numbers<'_>) -> PyResult<()> {
+    ///
+    /// Raises `ValueError` for the number of no obstacle.
+    fn lead_body(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = natural)] body: usize,
+        matrix: Numbers<'_>,
+    ) -> PyResult<()> {
         let away = rigid_of(&matrix)?;
         let mut core = self.free()?;
-        let run = core.kind.run()?;
-        check_body(run, body)?;
-        run.lead_obstacle(body, away);
-        Ok(())
+        let led = core.kind.run()?.lead_obstacle(body, away);
+        led.map_err(|error| step_failed(py, error))
     }
 
     /// Momentum [N s] and angular momentum about the origin [N m s] that each body received in the last
@@ -426,6 +434,12 @@ pub(crate) fn impulses_of(run: &Run) -> impl Iterator<Item = DVec3> {
 
 /// The rigid motion of a matrix.
 pub(crate) fn rigid_of(matrix: &Numbers<'_>) -> PyResult<Rigid> {
+    if matrix.shape() != [4, 4] {
+        let found = matrix.shape();
+        return Err(wrong(format!(
+            "matrix must have the shape (4, 4), found {found:?}"
+        )));
+    }
     let columns: Vec<f64> = matrix.as_array().t().iter().copied().collect();
     Rigid::try_from(&columns[..]).map_err(raised)
 }
@@ -507,17 +521,4 @@ impl RigidStepper {
         let stepper = Stepper::of_run(made, run.map_err(raised)?)?;
         Ok(PyClassInitializer::from(stepper).add_subclass(Self))
     }
-}
-
-/// Refuses a body that the solver of a run does not have.
-pub(crate) fn check_body(run: &Run, body: usize) -> PyResult<()> {
-    let count = run
-        .solver()
-        .map_or(0, |solver| solver.obstacle_offsets().len());
-    if body < count {
-        return Ok(());
-    }
-    Err(wrong(format!(
-        "there is no body {body}: the solver has {count}, numbered from 0"
-    )))
 }

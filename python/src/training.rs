@@ -11,6 +11,7 @@ use selvedge_lab::machine::{self, Machine};
 use selvedge_lab::{assets, training};
 use selvedge_train::{RunEnd, RunLimits, Setting, StepReport, TrainConfig, Trainer, files};
 
+use crate::arrays::natural;
 use crate::dataset::{Data, Dataset};
 use crate::errors::{raised, wrong};
 use crate::json as python;
@@ -74,11 +75,11 @@ pub(crate) fn train<'py>(
     config: PathBuf,
     data: Data,
     out: PathBuf,
-    steps: Option<u64>,
+    #[pyo3(from_py_with = natural)] steps: Option<u64>,
     settings: Option<&Bound<'py, PyDict>>,
     resume: bool,
     start_from: Option<Start>,
-    micro_batch: usize,
+    #[pyo3(from_py_with = natural)] micro_batch: usize,
     seconds: Option<f64>,
     checkpoint_every: f64,
     on_step: Option<Py<PyAny>>,

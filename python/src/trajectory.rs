@@ -13,7 +13,7 @@ use selvedge_data::{UpAxis, write_atomically};
 use selvedge_lab::physics;
 use selvedge_lab::pictures::{self, Show};
 
-use crate::arrays::{self, Numbers};
+use crate::arrays::{self, Numbers, natural};
 use crate::errors::{raised, wrong};
 use crate::exporting;
 use crate::json;
@@ -216,7 +216,7 @@ impl Trajectory {
         py: Python<'_>,
         path: PathBuf,
         frames: Option<&str>,
-        every: usize,
+        #[pyo3(from_py_with = natural)] every: usize,
         up: &str,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<()> {

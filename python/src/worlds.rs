@@ -8,12 +8,12 @@ use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use selvedge::{HandleTargets, Run, Stepper as _, step_all};
 
-use crate::arrays::{self, Numbers};
+use crate::arrays::{self, Numbers, natural};
 use crate::errors::{raised, step_failed, wrong};
 use crate::long::{Progress, beside_reporting};
 use crate::scene::Scene;
 use crate::simulator::begin;
-use crate::stepper::{Snapshot, check_body, impulses_of, rigid_of};
+use crate::stepper::{Snapshot, impulses_of, rigid_of};
 
 /// Worlds of the physics, one for each of `scenes`, that move side by side on the processor's threads;
 /// their cloths have the same number of vertices and of handles, and their scenes of bodies.
@@ -45,13 +45,17 @@ impl Worlds {
     fn with<R>(
         &self,
         py: Python<'_>,
-        world: usize,
+        world: i64,
         work: impl FnOnce(&mut Run) -> PyResult<R>,
     ) -> PyResult<R> {
         let mut runs = self.free()?;
         let count = runs.len();
-        let run = runs.get_mut(world);
-        let run = run.ok_or_else(|| wrong(format!("world {world} is none of 0 to {count}")))?;
+        let run = usize::try_from(world).ok().and_then(|w| runs.get_mut(w));
+        let run = run.ok_or_else(|| {
+            wrong(format!(
+                "there is no world {world}: there are {count}, numbered from 0"
+            ))
+        })?;
         let done = work(run)?;
         self.show(py, &runs)?;
         Ok(done)
@@ -173,27 +177,26 @@ impl Worlds {
     fn lead_body(
         &self,
         py: Python<'_>,
-        world: usize,
-        body: usize,
+        world: i64,
+        #[pyo3(from_py_with = natural)] body: usize,
         matrix: Numbers<'_>,
     ) -> PyResult<()> {
         let away = rigid_of(&matrix)?;
         self.with(py, world, |run| {
-            check_body(run, body)?;
-            run.lead_obstacle(body, away);
-            Ok(())
+            let led = run.lead_obstacle(body, away);
+            led.map_err(|error| step_failed(py, error))
         })
     }
 
     /// Puts a world back to its start.
-    fn reset(&self, py: Python<'_>, world: usize) -> PyResult<()> {
+    fn reset(&self, py: Python<'_>, world: i64) -> PyResult<()> {
         self.with(py, world, |run| {
             run.reset().map_err(|error| step_failed(py, error))
         })
     }
 
     /// The state of a world, for `restore` of any world of the same scene.
-    fn snapshot(&self, py: Python<'_>, world: usize) -> PyResult<Snapshot> {
+    fn snapshot(&self, py: Python<'_>, world: i64) -> PyResult<Snapshot> {
         self.with(py, world, |run| {
             let state = run.snapshot().map(Snapshot);
             state.ok_or_else(|| wrong("this world cannot go back"))
@@ -201,7 +204,7 @@ impl Worlds {
     }
 
     /// Puts a world into the state of a snapshot.
-    fn restore(&self, py: Python<'_>, world: usize, snapshot: &Snapshot) -> PyResult<()> {
+    fn restore(&self, py: Python<'_>, world: i64, snapshot: &Snapshot) -> PyResult<()> {
         self.with(py, world, |run| {
             let back = run.restore(&snapshot.0);
             back.map_err(|error| step_failed(py, error))

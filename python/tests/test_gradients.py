@@ -64,6 +64,13 @@ def test_what_has_no_gradient_says_why(swung):
     cloth.record_gradient()
     with pytest.raises(ValueError, match=r"\(1, 36, 3\)"):
         cloth.backward(positions=np.zeros((3, 36, 3)))
+    seed = np.zeros((1, 36, 3))
+    seed[0, 7, 1] = np.nan
+    with pytest.raises(ValueError, match="frame 0: .*given for velocity 7 are not finite"):
+        cloth.backward(velocities=seed)
+    cloth.teleport(np.eye(4))
+    with pytest.raises(selvedge.SelvedgeError, match="for `teleport` ended the recording"):
+        cloth.backward()
 
 
 def test_the_order_of_an_array_in_memory_does_not_matter(swung):
@@ -78,10 +85,20 @@ def test_the_order_of_an_array_in_memory_does_not_matter(swung):
 
 def test_bodies_and_samples_that_cannot_be_are_refused(swung):
     cloth = selvedge.Simulator(swung, start_of(swung))
-    with pytest.raises(ValueError, match="there is no body 9"):
+    with pytest.raises(ValueError, match="there is no obstacle 9: 0 can be led"):
         cloth.lead_body(9, np.eye(4))
-    with pytest.raises(ValueError, match="there is no body 9"):
+    with pytest.raises(ValueError, match="there is no obstacle 9: 0 can be led"):
         cloth.teleport(np.eye(4), [9])
+    with pytest.raises(ValueError, match="found -1") as refused:
+        cloth.lead_body(-1, np.eye(4))
+    assert any("'body'" in note for note in refused.value.__notes__)
+    with pytest.raises(ValueError, match=r"shape \(4, 4\), found \[16\]"):
+        cloth.teleport(np.eye(4).ravel())
+    aside = np.eye(4)
+    aside[0, 3] = 1.0
+    with pytest.raises(selvedge.SelvedgeError, match="the last column|found its transpose"):
+        cloth.teleport(aside.T)
+    cloth.teleport(aside)
     with pytest.raises(ValueError, match="at most 65536"):
         swung.targets(0, 2**26)
 

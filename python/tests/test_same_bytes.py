@@ -88,6 +88,7 @@ def test_a_rollout_with_its_truth_and_trust(program, scene, tmp_path, name):
         [float(row["largest_strain"]) for row in rows], made.trust["largest_strain"]
     )
     assert made.comparison()["position_rmse"] > 0 and made.is_complete
+    assert made.doubt is None
 
 
 def test_a_data_set(program, data, tmp_path):

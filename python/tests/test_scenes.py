@@ -31,6 +31,9 @@ def test_a_material_is_made_of_its_values():
     assert made.to_dict() == soft and copy.deepcopy(made).to_dict() == soft
     del values["compression"]
     assert selvedge.Material.from_dict(values).to_dict()["compression"]["half"] == 500.0
+    numbers = {key: np.array(value) for key, value in values.items() if key in ("stretch", "bend")}
+    numbers["density"] = np.float32(0.25)
+    assert selvedge.Material.from_dict(soft | numbers).to_dict() == soft | {"density": 0.25}
     with pytest.raises(selvedge.SelvedgeError, match="compression.third must be .* more than 1.5"):
         selvedge.Material.from_dict(values | {"compression": {"half": 300.0, "third": 400.0}})
 
@@ -79,6 +82,8 @@ def test_a_mesh_may_be_arrays(small):
     assert np.isclose(run.masses.sum(), 0.25 * scene.material.density, rtol=1e-5)
     bent = points.copy()
     bent[3, 0] = 0.1
+    with pytest.raises(ValueError, match="positions must be finite, and those of vertex 2 are not"):
+        selvedge.Mesh([[0, 0, 0], [0, 1, 0], [0, 0, np.nan]], [[0, 1, 2]])
     with pytest.raises(ValueError, match="material is missing: vertex 3"):
         selvedge.Mesh(bent, faces)
     with pytest.raises(ValueError, match="numbers of vertices"):

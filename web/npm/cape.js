@@ -37,9 +37,6 @@ const bone = (name) => character.getObjectByName(name.replaceAll(" ", "_"));
 // The cape: held by the chest, pushed by five bones.
 const cloth = await Cloth.load(await (await fetch("cape.toml")).text());
 const worn = new Worn(cloth, bone("chest"), ["chest", "left thigh", "right thigh", "left shin", "right shin"].map(bone));
-// The engine compiles the solver in the first frames, which are slow: before anything is shown.
-for (let k = 0; k < 10; k++) worn.update(1 / cloth.frameRate);
-cloth.reset();
 const geometry = new THREE.BufferGeometry();
 geometry.setAttribute("position", new THREE.BufferAttribute(Float32Array.from(cloth.positions), 3));
 geometry.setIndex(new THREE.BufferAttribute(cloth.faces, 1));
@@ -88,6 +85,11 @@ function draw() {
 
 report.move = (seconds, isDrawn = true) => (move(seconds), isDrawn && draw());
 report.positions = () => Array.from(cloth.positions);
+draw();
+// The engine compiles the solver in the first frames, which are slow, as it does the shaders of the first picture.
+for (let k = 0; k < 30; k++) worn.update(1 / cloth.frameRate);
+cloth.reset();
+last = performance.now();
 if (location.hash !== "#still") {
   renderer.setAnimationLoop((now) => {
     move((now - last) / 1000);
@@ -95,5 +97,4 @@ if (location.hash !== "#still") {
     draw();
   });
 }
-draw();
 report.ready = true;

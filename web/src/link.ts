@@ -19,19 +19,21 @@ export abstract class Link {
     this.send(protocol.command(command));
   }
 
-  protected take(bytes: ArrayBuffer): void {
+  /** Returns the kind of the message, if it is one. */
+  protected take(bytes: ArrayBuffer): protocol.Message["kind"] | null {
     let message: protocol.Message;
     try {
       message = protocol.decode(bytes);
     } catch (error) {
       this.listener.status("refused", String(error));
-      return;
+      return null;
     }
     if (message.kind === "frame") {
       // Says that this page keeps up; without it the session sends no more.
       this.send(protocol.ready(message.frame.number));
     }
     this.listener.message(message);
+    return message.kind;
   }
 }
 
@@ -92,26 +94,43 @@ interface OneFile {
 
 export const oneFile = (globalThis as { selvedgeFile?: OneFile }).selvedgeFile;
 
+/** Pictures of the first cloth before its time begins. */
+const FIRST_PICTURES = 3;
+
 /** What a worker is sent: its beginning, messages of the session, and whether anybody watches. */
 export type ToWorker = Beginning | ArrayBuffer | boolean;
 
 export class WorkerLink extends Link {
   private readonly worker = new Worker(oneFile?.worker ?? "worker.js", { type: oneFile ? "classic" : "module" });
 
-  /** Time stands still while `seen` is out of sight. */
-  constructor(listener: Listener, beginning: Beginning, seen: Element) {
+  /**
+   * Time stands still while `seen` is out of sight, and until the first pictures of the cloth are drawn: for them the
+   * browser compiles shaders, for up to a second where a processor draws, and the solver would fall behind meanwhile.
+   */
+  constructor(listener: Listener, beginning: Beginning, seen: HTMLCanvasElement) {
     super(listener);
     listener.status("connecting", "");
     // A text says why there is no session, or no more.
     this.worker.onmessage = (event: MessageEvent<ArrayBuffer | string>) => {
       if (typeof event.data === "string") listener.status("refused", event.data);
-      else this.take(event.data);
+      else if (this.take(event.data) === "frame" && pictures < 0) countPictures();
     };
     this.worker.onerror = (event) => listener.status("refused", event.message || "worker.js cannot be loaded");
     this.post({ ...beginning, wasm: oneFile?.wasm });
     listener.status("open", "");
     let isInView = true;
-    const watch = () => this.post(isInView && !document.hidden);
+    let pictures = -1; // None yet.
+    const watch = () => this.post(pictures >= FIRST_PICTURES && isInView && !document.hidden);
+    const pixel = new Uint8Array(4);
+    const countPictures = () => {
+      pictures += 1;
+      // Waits until the picture is there.
+      const gl = seen.getContext("webgl2");
+      gl?.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
+      if (pictures < FIRST_PICTURES) requestAnimationFrame(countPictures);
+      else watch();
+    };
+    watch();
     new IntersectionObserver((entries) => {
       isInView = entries.at(-1)!.isIntersecting;
       watch();

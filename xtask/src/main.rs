@@ -2,14 +2,11 @@
 //!
 //! What holds of the repository is in `tests/repository`: `cargo xtask tidy` and `cargo xtask book`
 //! run those tests. The steps of `ci` are listed in one place, `.ci/run`. `nightly` runs what takes
-//! longer: the commands of the book (see [`quick`]) and `fuzz` (`.ci/fuzz`).
+//! longer: the commands of the book and `fuzz` (`.ci/fuzz`).
 #![allow(
     clippy::print_stdout,
     reason = "a program that talks to people in a terminal"
 )]
-
-mod markdown;
-mod quick;
 
 use std::path::Path;
 use std::process::{Command, ExitCode};
@@ -45,7 +42,7 @@ fn main() -> ExitCode {
         ["book"] => test("book_"),
         ["book", "--build"] => build_book(),
         ["book", "--write"] => write_book(),
-        ["book", "--run"] => quick::run(),
+        ["book", "--run"] => run_book(),
         ["help" | "--help" | "-h"] => {
             println!("{HELP}");
             Ok(())
@@ -132,6 +129,14 @@ fn write_book() -> Result<()> {
     Ok(())
 }
 
+/// Builds the program and runs the quick commands of the documents with it.
+fn run_book() -> Result<()> {
+    cargo(&["build", "--locked", "--quiet", "--package", "selvedge"])?;
+    let test =
+        "test --locked --quiet -p xtask --test repository quick_commands -- --ignored --nocapture";
+    cargo(&test.split(' ').collect::<Vec<_>>())
+}
+
 /// The header of the library for C by cbindgen, a program beside cargo, not a dependency: it would
 /// be the heaviest of all. It is written, or with `--verify` compared with the one that is kept.
 fn header(how: &str) -> Result<()> {
@@ -148,7 +153,7 @@ fn header(how: &str) -> Result<()> {
 /// Runs what takes longer than a change should wait; all of it, and then says what failed.
 fn long() -> Result<()> {
     let mut failed = Vec::new();
-    if let Err(error) = quick::run() {
+    if let Err(error) = run_book() {
         failed.push(format!("book --run: {error:#}"));
     }
     if let Err(error) = start("bash", &[".ci/fuzz"]) {

@@ -332,8 +332,8 @@ SelvedgeStatus selvedge_step(SelvedgeStepper stepper,
 SelvedgeStatus selvedge_step_along(SelvedgeStepper stepper);
 
 // Leads the body of this number in the scene, from 0, in the next frame away from its own path, by
-// the rigid motion of the 4×4 matrix, by columns. It stays there until it is led on. Without a
-// solver, or such a body, nothing is led.
+// the rigid motion of the 4×4 matrix, by columns. It stays there until it is led on. The number of no
+// body is `SELVEDGE_STATUS_ARGUMENT`, and so is every number without a solver.
 //
 // # Safety
 // `matrix` has 16 numbers.

@@ -8,6 +8,7 @@ use std::ffi::{CStr, c_char};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use crate::fault::Fault;
+use crate::registry::Registry;
 use crate::status::SelvedgeStatus;
 
 /// Runs a call: an error keeps its words for this thread, a panic becomes one.
@@ -60,6 +61,24 @@ pub(crate) unsafe fn put<T>(out: *mut T, name: &str, value: T) -> Result<(), Fau
     // be uninitialised and is not dropped.
     unsafe { out.write(value) };
     Ok(())
+}
+
+/// Keeps what `make` makes, and puts its handle into `out`, which is 0 until then.
+///
+/// # Safety
+/// `out` may be written.
+pub(crate) unsafe fn keep<T>(
+    registry: &Registry<T>,
+    out: *mut u64,
+    make: impl FnOnce() -> Result<T, Fault>,
+) -> SelvedgeStatus {
+    call(|| {
+        // SAFETY: as for this function.
+        unsafe { put(out, "out", 0) }?;
+        let handle = registry.keep(make()?)?;
+        // SAFETY: likewise.
+        unsafe { put(out, "out", handle) }
+    })
 }
 
 /// Writes `values` to an array of as many.

@@ -3,12 +3,11 @@
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 
-use selvedge::machine::Machine;
-use selvedge::{Correction, Error, Model, Network, Run, Scene, Snapshot, Stepper};
+use selvedge::{Error, Model, Run, Scene, Snapshot, Stepper};
 
+use crate::border::call;
 use crate::fault::Fault;
-use crate::listener::Progress;
-use crate::registry::{Kind, Registry};
+use crate::registry::{Kind, Registry, lock};
 use crate::status::SelvedgeStatus;
 
 /// Scenes by their handles.
@@ -35,28 +34,19 @@ impl From<Run> for KeptCloth {
     }
 }
 
-/// The solver on the cloth of a scene, where the scene starts.
-pub(crate) fn by_solver(scene: &Scene, progress: &mut Progress) -> Result<Run, Fault> {
-    Run::begin(scene, &mut |event| progress.tell(event)).map_err(fault)
-}
-
-/// A model on the cloth of a scene, from its rest pose on.
-pub(crate) fn by_model(
-    scene: &Scene,
-    model: &Model,
-    guard: Correction,
-    progress: &mut Progress,
-) -> Result<Run, Fault> {
-    let network = Network {
-        model,
-        machine: &Machine::Cpu,
-        guard,
-    };
-    Run::begin_model(scene, network, &mut |event| progress.tell(event)).map_err(fault)
+/// Calls `work` with the cloth of a stepper, which no other call has meanwhile.
+pub(crate) fn with(
+    stepper: u64,
+    work: impl FnOnce(&mut Run) -> Result<(), Fault>,
+) -> SelvedgeStatus {
+    call(|| {
+        let kept = STEPPERS.get(stepper)?;
+        work(&mut *lock(&kept.cloth)?)
+    })
 }
 
 /// A scene that cannot be made ready to move.
-fn fault(error: Error) -> Fault {
+pub(crate) fn not_begun(error: Error) -> Fault {
     let status = if error.is_stopped() { SelvedgeStatus::Stopped } else { SelvedgeStatus::Start };
     Fault::of(status, error)
 }

@@ -54,7 +54,7 @@ impl Fault {
         let status = match &error {
             StepError::Stopped { .. } => SelvedgeStatus::Stopped,
             StepError::Handles { source, .. } => of_targets(source),
-            StepError::Snapshot { .. } => SelvedgeStatus::Argument,
+            StepError::Snapshot { .. } | StepError::Obstacle { .. } => SelvedgeStatus::Argument,
             _ => SelvedgeStatus::Step,
         };
         Self::of(status, error)

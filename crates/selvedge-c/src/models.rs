@@ -4,7 +4,7 @@
 use std::ffi::c_char;
 use std::path::Path;
 
-use crate::border::{call, put, text};
+use crate::border::{call, keep, text};
 use crate::cloth::MODELS;
 use crate::fault::Fault;
 use crate::status::SelvedgeStatus;
@@ -22,21 +22,18 @@ pub unsafe extern "C" fn selvedge_model_open(
     path_or_name: *const c_char,
     out: *mut SelvedgeModel,
 ) -> SelvedgeStatus {
-    call(|| {
+    let make = || {
         let name = if path_or_name.is_null() {
             None
         } else {
             // SAFETY: as for this function.
             Some(unsafe { text(path_or_name, "path_or_name") }?)
         };
-        // SAFETY: likewise.
-        unsafe { put(out, "out", 0) }?;
         let model = selvedge::Model::open(name.map(Path::new));
-        let model = model.map_err(|error| Fault::of(SelvedgeStatus::Open, error))?;
-        let handle = MODELS.keep(model)?;
-        // SAFETY: likewise.
-        unsafe { put(out, "out", handle) }
-    })
+        model.map_err(|error| Fault::of(SelvedgeStatus::Open, error))
+    };
+    // SAFETY: likewise.
+    unsafe { keep(&MODELS, out, make) }
 }
 
 /// Frees a model. Steppers that were made of it go on.

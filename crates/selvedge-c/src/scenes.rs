@@ -5,7 +5,7 @@ use std::ffi::c_char;
 
 use selvedge::Scene;
 
-use crate::border::{call, put, put_text, text};
+use crate::border::{call, keep, put_text, text};
 use crate::cloth::SCENES;
 use crate::fault::Fault;
 use crate::status::SelvedgeStatus;
@@ -22,16 +22,13 @@ pub unsafe extern "C" fn selvedge_scene_open(
     path_or_name: *const c_char,
     out: *mut SelvedgeScene,
 ) -> SelvedgeStatus {
-    call(|| {
+    let make = || {
         // SAFETY: as for this function.
         let name = unsafe { text(path_or_name, "path_or_name") }?;
-        // SAFETY: likewise.
-        unsafe { put(out, "out", 0) }?;
-        let scene = Scene::named(name).map_err(|error| Fault::of(SelvedgeStatus::Open, error))?;
-        let handle = SCENES.keep(scene)?;
-        // SAFETY: likewise.
-        unsafe { put(out, "out", handle) }
-    })
+        Scene::named(name).map_err(|error| Fault::of(SelvedgeStatus::Open, error))
+    };
+    // SAFETY: likewise.
+    unsafe { keep(&SCENES, out, make) }
 }
 
 /// Writes what the scene asks for and cannot have, or hardly means, a line each.

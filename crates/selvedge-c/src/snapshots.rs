@@ -3,8 +3,8 @@
 
 use selvedge::StepError;
 
-use crate::border::{call, put};
-use crate::cloth::{SNAPSHOTS, STEPPERS};
+use crate::border::{call, keep};
+use crate::cloth::{SNAPSHOTS, STEPPERS, with};
 use crate::fault::Fault;
 use crate::registry::lock;
 use crate::status::SelvedgeStatus;
@@ -22,17 +22,15 @@ pub unsafe extern "C" fn selvedge_stepper_snapshot(
     stepper: SelvedgeStepper,
     out: *mut SelvedgeSnapshot,
 ) -> SelvedgeStatus {
-    call(|| {
-        // SAFETY: as for this function.
-        unsafe { put(out, "out", 0) }?;
+    let make = || {
         let kept = STEPPERS.get(stepper)?;
         let run = lock(&kept.cloth)?;
         let frame = run.frame();
         let snapshot = run.snapshot().ok_or(StepError::Snapshot { frame });
-        let handle = SNAPSHOTS.keep(snapshot.map_err(Fault::step)?)?;
-        // SAFETY: likewise.
-        unsafe { put(out, "out", handle) }
-    })
+        snapshot.map_err(Fault::step)
+    };
+    // SAFETY: as for this function.
+    unsafe { keep(&SNAPSHOTS, out, make) }
 }
 
 /// Takes a stepper back to a snapshot of it, or of another stepper of the same scene by the same
@@ -43,9 +41,8 @@ pub extern "C" fn selvedge_stepper_restore(
     stepper: SelvedgeStepper,
     snapshot: SelvedgeSnapshot,
 ) -> SelvedgeStatus {
-    call(|| {
-        let (kept, snapshot) = (STEPPERS.get(stepper)?, SNAPSHOTS.get(snapshot)?);
-        let mut run = lock(&kept.cloth)?;
+    with(stepper, |run| {
+        let snapshot = SNAPSHOTS.get(snapshot)?;
         run.restore(&snapshot).map_err(Fault::step)
     })
 }
@@ -53,11 +50,7 @@ pub extern "C" fn selvedge_stepper_restore(
 /// Takes a stepper back to where it began.
 #[unsafe(no_mangle)]
 pub extern "C" fn selvedge_stepper_reset(stepper: SelvedgeStepper) -> SelvedgeStatus {
-    call(|| {
-        let kept = STEPPERS.get(stepper)?;
-        let mut run = lock(&kept.cloth)?;
-        run.reset().map_err(Fault::step)
-    })
+    with(stepper, |run| run.reset().map_err(Fault::step))
 }
 
 /// Frees a snapshot.

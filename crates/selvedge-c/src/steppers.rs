@@ -6,14 +6,14 @@ mod read;
 use std::sync::atomic::Ordering;
 
 use glam::DVec3;
-use selvedge::{HandleTargets, Rigid, Run, Stepper};
+use selvedge::machine::Machine;
+use selvedge::{HandleTargets, Network, Rigid, Run, Stepper};
 
-use crate::border::{call, put, put_all, values};
-use crate::cloth::{MODELS, SCENES, STEPPERS, by_model, by_solver};
+use crate::border::{call, keep, put_all, values};
+use crate::cloth::{KeptCloth, MODELS, SCENES, STEPPERS, not_begun, with};
 use crate::fault::Fault;
 use crate::listener::{Progress, SelvedgeListener};
 use crate::models::SelvedgeModel;
-use crate::registry::lock;
 use crate::scenes::SelvedgeScene;
 use crate::status::SelvedgeStatus;
 use crate::trust;
@@ -35,16 +35,14 @@ pub unsafe extern "C" fn selvedge_stepper_physics(
     listener: *const SelvedgeListener,
     out: *mut SelvedgeStepper,
 ) -> SelvedgeStatus {
-    call(|| {
+    let make = || {
         // SAFETY: as for this function.
         let mut progress = unsafe { Progress::of(listener) };
-        // SAFETY: likewise.
-        unsafe { put(out, "out", 0) }?;
-        let scene = SCENES.get(scene)?;
-        let cloth = by_solver(&scene, &mut progress)?;
-        // SAFETY: likewise.
-        unsafe { put(out, "out", keep(cloth)?) }
-    })
+        let begun = Run::begin(&*SCENES.get(scene)?, &mut |event| progress.tell(event));
+        begun.map(KeptCloth::from).map_err(not_begun)
+    };
+    // SAFETY: likewise.
+    unsafe { keep(&STEPPERS, out, make) }
 }
 
 /// Makes a stepper of a model on a scene, from the rest pose of the scene on: what
@@ -60,21 +58,21 @@ pub unsafe extern "C" fn selvedge_stepper_model(
     listener: *const SelvedgeListener,
     out: *mut SelvedgeStepper,
 ) -> SelvedgeStatus {
-    call(|| {
+    let make = || {
         // SAFETY: as for this function.
         let mut progress = unsafe { Progress::of(listener) };
-        // SAFETY: likewise.
-        unsafe { put(out, "out", 0) }?;
-        let settings = trust::settings(guard)?;
+        let guard = trust::settings(guard)?;
         let (scene, model) = (SCENES.get(scene)?, MODELS.get(model)?);
-        let cloth = by_model(&scene, &model, settings, &mut progress)?;
-        // SAFETY: likewise.
-        unsafe { put(out, "out", keep(cloth)?) }
-    })
-}
-
-fn keep(cloth: Run) -> Result<SelvedgeStepper, Fault> {
-    STEPPERS.keep(cloth.into())
+        let network = Network {
+            model: &model,
+            machine: &Machine::Cpu,
+            guard,
+        };
+        let begun = Run::begin_model(&scene, network, &mut |event| progress.tell(event));
+        begun.map(KeptCloth::from).map_err(not_begun)
+    };
+    // SAFETY: likewise.
+    unsafe { keep(&STEPPERS, out, make) }
 }
 
 /// Moves the cloth by one frame, its handles to `targets` `[m]`, `[samples][handles][3]`: where
@@ -95,10 +93,8 @@ pub unsafe extern "C" fn selvedge_step(
     handles: usize,
     released: *const u8,
 ) -> SelvedgeStatus {
-    call(|| {
-        let kept = STEPPERS.get(stepper)?;
-        let mut cloth = lock(&kept.cloth)?;
-        check_handles(&cloth, handles)?;
+    with(stepper, |cloth| {
+        check_handles(cloth, handles)?;
         let count = numbers_of(samples, handles)?;
         // SAFETY: as for this function.
         let numbers = unsafe { values(targets, count, "targets") }?;
@@ -118,16 +114,12 @@ pub unsafe extern "C" fn selvedge_step(
 /// line does. Past the end of the motion the handles stay where they are.
 #[unsafe(no_mangle)]
 pub extern "C" fn selvedge_step_along(stepper: SelvedgeStepper) -> SelvedgeStatus {
-    call(|| {
-        let kept = STEPPERS.get(stepper)?;
-        let mut cloth = lock(&kept.cloth)?;
-        cloth.step().map_err(Fault::step)
-    })
+    with(stepper, |cloth| cloth.step().map_err(Fault::step))
 }
 
 /// Leads the body of this number in the scene, from 0, in the next frame away from its own path, by
-/// the rigid motion of the 4×4 matrix, by columns. It stays there until it is led on. Without a
-/// solver, or such a body, nothing is led.
+/// the rigid motion of the 4×4 matrix, by columns. It stays there until it is led on. The number of no
+/// body is `SELVEDGE_STATUS_ARGUMENT`, and so is every number without a solver.
 ///
 /// # Safety
 /// `matrix` has 16 numbers.
@@ -137,13 +129,10 @@ pub unsafe extern "C" fn selvedge_stepper_lead_body(
     body: usize,
     matrix: *const f64,
 ) -> SelvedgeStatus {
-    call(|| {
-        let kept = STEPPERS.get(stepper)?;
+    with(stepper, |cloth| {
         // SAFETY: as for this function.
-        let columns = unsafe { values(matrix, 16, "matrix") }?;
-        let away = Rigid::try_from(&columns[..]).map_err(Fault::targets)?;
-        lock(&kept.cloth)?.lead_obstacle(body, away);
-        Ok(())
+        let away = unsafe { rigid(matrix) }?;
+        cloth.lead_obstacle(body, away).map_err(Fault::step)
     })
 }
 
@@ -160,14 +149,12 @@ pub unsafe extern "C" fn selvedge_stepper_teleport(
     bodies: *const usize,
     count: usize,
 ) -> SelvedgeStatus {
-    call(|| {
-        let kept = STEPPERS.get(stepper)?;
+    with(stepper, |cloth| {
         // SAFETY: as for this function.
-        let columns = unsafe { values(matrix, 16, "matrix") }?;
+        let to = unsafe { rigid(matrix) }?;
         // SAFETY: likewise.
         let along = unsafe { values(bodies, count, "bodies") }?;
-        let to = Rigid::try_from(&columns[..]).map_err(Fault::targets)?;
-        lock(&kept.cloth)?.teleport(to, &along).map_err(Fault::step)
+        cloth.teleport(to, &along).map_err(Fault::step)
     })
 }
 
@@ -186,10 +173,8 @@ pub unsafe extern "C" fn selvedge_motion_targets(
     handles: usize,
     released: *mut u8,
 ) -> SelvedgeStatus {
-    call(|| {
-        let kept = STEPPERS.get(stepper)?;
-        let mut cloth = lock(&kept.cloth)?;
-        check_handles(&cloth, handles)?;
+    with(stepper, |cloth| {
+        check_handles(cloth, handles)?;
         let count = numbers_of(samples, handles)?;
         let given = cloth.next_targets(samples).map_err(Fault::step)?;
         let mut numbers = Vec::with_capacity(count);
@@ -226,6 +211,16 @@ pub extern "C" fn selvedge_stepper_stop(stepper: SelvedgeStepper, wanted: i32) -
 #[unsafe(no_mangle)]
 pub extern "C" fn selvedge_stepper_free(stepper: SelvedgeStepper) -> SelvedgeStatus {
     call(|| STEPPERS.free(stepper))
+}
+
+/// The rigid motion of a matrix, by columns.
+///
+/// # Safety
+/// `matrix` has 16 numbers.
+unsafe fn rigid(matrix: *const f64) -> Result<Rigid, Fault> {
+    // SAFETY: as for this function.
+    let columns = unsafe { values(matrix, 16, "matrix") }?;
+    Rigid::try_from(&columns[..]).map_err(Fault::targets)
 }
 
 fn check_handles(cloth: &Run, found: usize) -> Result<(), Fault> {

@@ -30,7 +30,6 @@ pub struct Core {
 
 impl Body {
     /// The body where `place` takes its points: a similarity that multiplies lengths by `scale`.
-    #[must_use]
     pub fn placed(mut self, scale: f64, place: impl Fn(DVec3) -> DVec3) -> Self {
         for point in &mut self.points {
             *point = place(*point);
@@ -45,7 +44,6 @@ impl Body {
 
 impl Core {
     /// Number of its points: those of contact with the body.
-    #[must_use]
     pub fn point_count(&self) -> usize {
         1 + usize::from(self.ends[0] != self.ends[1])
     }
@@ -53,7 +51,6 @@ impl Core {
 
 /// Two triangles: a rectangle with these sides along x and z `[m]` about the origin, seen from
 /// above.
-#[must_use]
 pub fn plane([width, depth]: [f64; 2]) -> Body {
     let corner = |x: f64, z: f64| DVec3::new(0.5 * width * x, 0.0, 0.5 * depth * z);
     Body {
@@ -66,7 +63,6 @@ pub fn plane([width, depth]: [f64; 2]) -> Body {
 }
 
 /// A box with these sides `[m]` about the origin.
-#[must_use]
 pub fn cuboid(sides: DVec3) -> Body {
     let sign = |bit: u32| if bit == 0 { -0.5 } else { 0.5 };
     let corner = |k: u32| DVec3::new(sign(k & 1), sign(k >> 1 & 1), sign(k >> 2)) * sides;
@@ -96,7 +92,6 @@ pub const MOST_PIECES: usize = 256;
 
 /// A sphere of `radius` `[m]` about the origin: an icosahedron whose edges are halved until none is
 /// longer than `edge` `[m]`, six times at most ([`FINEST_SPHERE`]). Its points lie on the sphere.
-#[must_use]
 pub fn sphere(radius: f64, edge: f64) -> Body {
     let mut body = icosahedron();
     // An edge of the icosahedron in a unit sphere, and how short halving makes it at most.
@@ -119,7 +114,6 @@ pub fn sphere(radius: f64, edge: f64) -> Body {
 
 /// A capsule along y about the origin: the points within `radius` of a straight line of `length`
 /// `[m]`, cut so that no edge is much longer than `edge` `[m]`.
-#[must_use]
 pub fn capsule(radius: f64, length: f64, edge: f64) -> Body {
     let up = pieces(FRAC_PI_2 * radius, edge, 2);
     let along = pieces(length, edge, 1);
@@ -148,7 +142,6 @@ pub fn capsule(radius: f64, length: f64, edge: f64) -> Body {
 
 /// A cylinder of `length` `[m]` along y about the origin, closed by flat ends, cut so that no edge is
 /// much longer than `edge` `[m]`.
-#[must_use]
 pub fn cylinder(radius: f64, length: f64, edge: f64) -> Body {
     let out = pieces(radius, edge, 1);
     let along = pieces(length, edge, 1);

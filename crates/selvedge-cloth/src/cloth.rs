@@ -180,50 +180,42 @@ impl Cloth {
     }
 
     /// The connectivity.
-    #[must_use]
     pub fn topology(&self) -> &Topology {
         &self.topology
     }
 
     /// Number of vertices.
-    #[must_use]
     pub fn vertex_count(&self) -> usize {
         self.topology.vertex_count()
     }
 
     /// The held vertices, in the order of the handle targets.
-    #[must_use]
     pub fn handles(&self) -> &Handles {
         &self.handles
     }
 
     /// The arrays, as [`Self::new`] takes them.
-    #[must_use]
     pub fn arrays(&self) -> &ClothArrays {
         &self.arrays
     }
 
     /// The sagged rest pose in the world `[m]`, `[vertices]`.
-    #[must_use]
     pub fn rest_positions(&self) -> &[Vec3] {
         &self.arrays.rest_positions
     }
 
     /// The pattern: rest shapes of faces, seams and panels.
-    #[must_use]
     pub fn pattern(&self) -> Pattern<'_, Vec2> {
         let points = &self.arrays.material_coordinates;
         Pattern::new(&self.topology, points, self.corners.as_deref())
     }
 
     /// The texture coordinates.
-    #[must_use]
     pub fn texture(&self) -> &Texture {
         &self.texture
     }
 
     /// The texture coordinates as points of a plane, each of one vertex; none where there are none.
-    #[must_use]
     pub fn texture_points(&self) -> Option<Pattern<'_, Vec2>> {
         match &self.texture {
             Texture::Pattern => Some(self.pattern()),
@@ -237,19 +229,16 @@ impl Cloth {
 
     /// Points of the pattern `[m]`, `[points]`. The first are those of the vertices, each in its
     /// first face; of a cloth without seams there are no others.
-    #[must_use]
     pub fn material_coordinates(&self) -> &[Vec2] {
         &self.arrays.material_coordinates
     }
 
     /// Mass of each vertex `[kg]`, `[vertices]`.
-    #[must_use]
     pub fn vertex_mass(&self) -> &[f32] {
         &self.arrays.vertex_mass
     }
 
     /// Area of each face in material space `[m²]`, `[faces]`.
-    #[must_use]
     pub fn face_area(&self) -> &[f32] {
         &self.arrays.face_area
     }

@@ -58,14 +58,12 @@ const THIN: f64 = 0.2;
 
 impl ContactSettings {
     /// The usual settings for a cloth whose shortest edge has this length `[m]`.
-    #[must_use]
     pub fn for_edges(shortest: f64) -> Self {
         let usual = Self::default().thickness;
         Self::of_thickness(usual.min(THIN * shortest).max(1e-5))
     }
 
     /// The usual settings for this thickness `[m]`.
-    #[must_use]
     pub fn of_thickness(thickness: f64) -> Self {
         let usual = Self::default();
         Self {

@@ -29,7 +29,6 @@ pub struct Checkpoint {
 
 impl Checkpoint {
     /// Positions `[m]` and velocities `[m/s]`, `[vertices]`, after `frame` frames, and no more.
-    #[must_use]
     pub fn of(frame: usize, positions: Vec<DVec3>, velocities: Vec<DVec3>) -> Self {
         Self {
             frame,
@@ -40,7 +39,6 @@ impl Checkpoint {
     }
 
     /// At `positions` `[m]`, `[vertices]`, without velocity, before the motion begins.
-    #[must_use]
     pub fn at_rest(positions: Vec<DVec3>) -> Self {
         let velocities = vec![DVec3::ZERO; positions.len()];
         Self::of(0, positions, velocities)
@@ -159,7 +157,6 @@ pub enum Touching {
 
 impl Touching {
     /// As three numbers: 0 for a vertex or 1 for edges, then those of the features.
-    #[must_use]
     pub fn numbers(self) -> [u32; 3] {
         match self {
             Self::Vertex { vertex, other } => [0, vertex, other],
@@ -168,7 +165,6 @@ impl Touching {
     }
 
     /// Of the three numbers that [`Self::numbers`] gives; none where the first is neither 0 nor 1.
-    #[must_use]
     pub fn of_numbers(numbers: [u32; 3]) -> Option<Self> {
         let [kind, first, second] = numbers;
         match kind {

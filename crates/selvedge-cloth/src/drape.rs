@@ -45,7 +45,6 @@ pub struct Drape {
 impl Drape {
     /// The measures of `cloth` at `positions` `[m]`, `[vertices]`; none if this is no drape test: a
     /// disc whose handles are a smaller disc in its middle, level and as wide as in the material.
-    #[must_use]
     pub fn of(cloth: &Cloth, positions: &[Vec3]) -> Option<Self> {
         Self::measure(
             cloth.topology(),
@@ -56,7 +55,6 @@ impl Drape {
     }
 
     /// The same of the parts of a cloth: material coordinates and positions `[m]`, `[vertices]`.
-    #[must_use]
     pub fn measure(
         topology: &Topology,
         material: &[Vec2],

@@ -66,7 +66,6 @@ impl Environment {
     /// The environment during the step from `frame` to the next, at `frame_rate` frames per
     /// second: its wind is constant, wind + gust at the middle of the step. Held over a step, so
     /// that who sees a frame knows the air that acts until the next.
-    #[must_use]
     pub fn during_step(&self, frame: usize, frame_rate: f64) -> Self {
         let time = (frame as f64 + 0.5) / frame_rate;
         let mut now = *self;
@@ -133,7 +132,6 @@ impl Gust {
     /// Velocity of the air beside the constant wind at `time` `[s]`, `[m/s]`:
     /// w(t) = s Σ a_k sin(2π r_k t/T + φ_k), r_0 = 1, r_k in [k + ½, k + 1), a_k ∝ r_k^(-5/6),
     /// Σ a_k² = 2. `[eq:gust]`
-    #[must_use]
     pub fn velocity(&self, time: f64) -> DVec3 {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         let mut component = || {

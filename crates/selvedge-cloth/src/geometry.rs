@@ -11,21 +11,18 @@ pub(crate) fn unit(rng: &mut ChaCha8Rng) -> f64 {
 }
 
 /// Signed area of a triangle in material space `[m²]`; positive when counter-clockwise.
-#[must_use]
 #[inline]
 pub fn signed_area_2d(a: DVec2, b: DVec2, c: DVec2) -> f64 {
     0.5 * (b - a).perp_dot(c - a)
 }
 
 /// Area vector of a triangle: unit normal times area `[m²]`.
-#[must_use]
 #[inline]
 pub fn area_vector(a: DVec3, b: DVec3, c: DVec3) -> DVec3 {
     0.5 * (b - a).cross(c - a)
 }
 
 /// Returns true where a triangle has no area to speak of by its sides.
-#[must_use]
 #[inline]
 pub fn is_without_area([a, b, c]: [DVec3; 3]) -> bool {
     let (along, across) = (b - a, c - a);
@@ -43,7 +40,6 @@ pub fn is_without_area([a, b, c]: [DVec3; 3]) -> bool {
 /// Swapping the faces together with the edge's direction leaves it unchanged, as does any rigid
 /// motion. 0 for a degenerate face, and also where an argument is not finite: an angle is no sign
 /// of a lost cloth, so positions are checked where they are made.
-#[must_use]
 #[inline]
 pub fn dihedral_angle(from: DVec3, to: DVec3, left: DVec3, right: DVec3) -> f64 {
     let along = to - from;
@@ -57,19 +53,16 @@ pub fn dihedral_angle(from: DVec3, to: DVec3, left: DVec3, right: DVec3) -> f64 
 
 /// Sine and cosine of `angle` `[rad]`, with the same bits on every system. A system's own differ in
 /// the last one, and what stands there at the start decides where folds fall.
-#[must_use]
 pub fn sin_cos(angle: f64) -> (f64, f64) {
     libm::sincos(angle)
 }
 
 /// The angle of the direction (`cosine`, `sine`) `[rad]`, with the same bits on every system.
-#[must_use]
 pub fn atan2(sine: f64, cosine: f64) -> f64 {
     libm::atan2(sine, cosine)
 }
 
 /// The turn by `angle` `[rad]` about `axis`, of length 1, with the same bits on every system.
-#[must_use]
 pub fn turn(axis: DVec3, angle: f64) -> DQuat {
     let (sine, cosine) = sin_cos(0.5 * angle);
     let v = axis * sine;
@@ -77,14 +70,12 @@ pub fn turn(axis: DVec3, angle: f64) -> DQuat {
 }
 
 /// e to the power of `x`, with the same bits on every system.
-#[must_use]
 pub fn exp(x: f64) -> f64 {
     libm::exp(x)
 }
 
 /// The rotation at this `part` of the way from one to another, the short way round, with the same bits
 /// on every system.
-#[must_use]
 pub fn slerp(from: DQuat, to: DQuat, part: f64) -> DQuat {
     let dot = from.dot(to);
     let to = if dot < 0.0 { -to } else { to };

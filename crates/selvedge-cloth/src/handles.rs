@@ -61,7 +61,6 @@ impl Handles {
     }
 
     /// The handles for which `keep`, `[handles]`, says so, in the same order.
-    #[must_use]
     pub fn subset(&self, keep: &[bool]) -> Self {
         let kept = self.vertices.iter().zip(keep).filter(|(_, keep)| **keep);
         Self {
@@ -70,25 +69,21 @@ impl Handles {
     }
 
     /// The handle vertices, in the order they were given, `[handles]`.
-    #[must_use]
     pub fn vertices(&self) -> &[VertexId] {
         &self.vertices
     }
 
     /// Number of handles.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.vertices.len()
     }
 
     /// Returns true when the cloth is free.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.vertices.is_empty()
     }
 
     /// Marks the vertices that are handles, `[vertices]`.
-    #[must_use]
     pub fn mask(&self, vertex_count: usize) -> Vec<bool> {
         let mut mask = vec![false; vertex_count];
         for vertex in &self.vertices {
@@ -106,7 +101,6 @@ impl Handles {
     }
 
     /// The entries of `positions` (`[vertices]`) at the handles, `[handles]`.
-    #[must_use]
     pub fn select<T: Copy>(&self, positions: &[T]) -> Vec<T> {
         self.of(positions).collect()
     }
@@ -180,7 +174,6 @@ impl HandleTargets {
     }
 
     /// Returns true when `handle` holds the cloth during this frame.
-    #[must_use]
     pub fn holds(&self, handle: usize) -> bool {
         !self.released.get(handle).copied().unwrap_or(false)
     }
@@ -209,19 +202,16 @@ impl HandleTargets {
     }
 
     /// Number of handles.
-    #[must_use]
     pub fn handle_count(&self) -> usize {
         self.handle_count
     }
 
     /// Targets at the end of the frame `[m]`, `[handles]`.
-    #[must_use]
     pub fn end(&self) -> &[DVec3] {
         &self.samples[self.samples.len() - self.handle_count..]
     }
 
     /// Returns true if all samples are these places `[m]`, `[handles]`.
-    #[must_use]
     pub fn stay_at(&self, places: &[DVec3]) -> bool {
         let mut samples = self.samples.chunks(self.handle_count.max(1));
         samples.all(|sample| sample == places)
@@ -233,7 +223,6 @@ impl HandleTargets {
     /// # Panics
     /// When `handle` is not below [`Self::handle_count`], as for a slice; so always where there are
     /// no handles.
-    #[must_use]
     pub fn at(&self, handle: usize, fraction: f64, start: DVec3) -> DVec3 {
         let sample = |k: usize| match k {
             0 => start,
@@ -262,7 +251,6 @@ impl HandleTargets {
     }
 
     /// Number of times in the frame; 0 without handles.
-    #[must_use]
     pub fn sample_count(&self) -> usize {
         self.samples.len() / self.handle_count.max(1)
     }

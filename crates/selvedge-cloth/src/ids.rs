@@ -14,7 +14,6 @@ macro_rules! index_type {
 
         impl $name {
             /// The number as an array index.
-            #[must_use]
             #[inline]
             pub const fn index(self) -> usize {
                 self.0 as usize

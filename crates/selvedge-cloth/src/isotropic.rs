@@ -31,7 +31,6 @@ const LAW_FACTOR: f64 = 2.0;
 
 impl Isotropic {
     /// A fabric of such a sheet with `density` `[kg/m²]`.
-    #[must_use]
     pub fn material(&self, name: &str, density: f64) -> Material {
         Material {
             name: name.to_owned(),
@@ -58,20 +57,17 @@ impl Isotropic {
     }
 
     /// Membrane stiffness C = E h/(1 - ν²) `[N/m]`.
-    #[must_use]
     pub fn membrane_stiffness(&self) -> f64 {
         self.youngs_modulus * self.thickness / (1.0 - self.poissons_ratio.powi(2))
     }
 
     /// Bending stiffness of a plate D = E h³/(12 (1 - ν²)) `[N·m]`. `[eq:plate-stiffness]`
-    #[must_use]
     pub fn plate_stiffness(&self) -> f64 {
         self.membrane_stiffness() * self.thickness.powi(2) / 12.0
     }
 
     /// The table of stretching: k0 = k2 = C, k1 = ν C, k3 = (1 - ν) C, for the energy
     /// a C/2 (G00² + G11² + 2 ν G00 G11 + 2 (1 - ν) G01²) of a face. `[eq:isotropic-stretch]`
-    #[must_use]
     pub fn stretch_table(&self) -> StretchTable {
         let (stiffness, ratio) = (self.membrane_stiffness() / LAW_FACTOR, self.poissons_ratio);
         StretchTable(
@@ -89,7 +85,6 @@ impl Isotropic {
     /// θ = l/(2√3) (3 H_nn - H_tt); its energy ke l² θ²/(8 (a_A + a_B)), summed over the three
     /// directions of edges, is ke κ²/8 per area for one curvature κ in any direction.
     /// `[eq:isotropic-bend]`
-    #[must_use]
     pub fn bend_table(&self) -> BendTable {
         BendTable([[4.0 * self.plate_stiffness(); 5]; 3])
     }

@@ -14,7 +14,7 @@
 //! - A **scene** ([`Scene`]) is everything that decides a motion: mesh, handles, [`Material`],
 //!   [`Environment`] and [`Motion`].
 //! - A **stepper** ([`Stepper`]) moves a cloth by one **frame** at a time. The physics, the learned
-//!   model and a recording are steppers; [`conformance`] checks one of your own.
+//!   model and a recording are steppers.
 //!
 //! # Example
 //!
@@ -48,7 +48,6 @@
 
 pub mod bodies;
 mod cloth;
-pub mod conformance;
 mod contact;
 mod contact_memory;
 mod drape;

@@ -79,7 +79,6 @@ impl Stop {
     }
 
     /// Returns true from when the flag was set.
-    #[must_use]
     pub fn is_wanted(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }

@@ -16,7 +16,6 @@ pub struct LoosePanels {
 impl LoosePanels {
     /// Panels whose `faces` (`[faces, 3]`) name places among `places` `[m]`; places that no face
     /// names are left out. Returns nothing where a face names a place that there is not.
-    #[must_use]
     pub fn new(faces: &[[u32; 3]], places: &[DVec3]) -> Option<Self> {
         let mut numbers: BTreeMap<u32, u32> = BTreeMap::new();
         for place in faces.as_flattened() {
@@ -36,13 +35,11 @@ impl LoosePanels {
     }
 
     /// Start positions of the loose vertices `[m]`.
-    #[must_use]
     pub fn positions(&self) -> &[DVec3] {
         &self.positions
     }
 
     /// The same panels with each position moved by `place`.
-    #[must_use]
     pub fn moved(mut self, place: impl Fn(DVec3) -> DVec3) -> Self {
         self.positions.iter_mut().for_each(|p| *p = place(*p));
         self
@@ -59,7 +56,6 @@ impl LoosePanels {
     }
 
     /// Loose vertices of each vertex of `sewn`, `[vertices]`.
-    #[must_use]
     pub fn copies(&self, sewn: &Mesh) -> Vec<Vec<usize>> {
         let mut copies = vec![Vec::new(); sewn.positions().len()];
         for (face, loose) in sewn.topology().faces().iter().zip(&self.faces) {

@@ -59,7 +59,6 @@ impl Default for Compression {
 
 impl Compression {
     /// p₀ `[Pa]` and s.
-    #[must_use]
     pub fn constants(self) -> [f64; 2] {
         // With x = exp(s/6) the ratio of the two pressures is (x⁴ - 1)/(x³ - 1).
         let ratio = self.third / self.half;
@@ -71,14 +70,12 @@ impl Compression {
     }
 
     /// Pressure of a gap `[Pa]`, which is this part of `contact.thickness`.
-    #[must_use]
     pub fn pressure(self, part: f64) -> f64 {
         let [least, rise] = self.constants();
         least * libm::expm1(rise * (1.0 - part)).max(0.0)
     }
 
     /// Gap under this pressure `[Pa]`, as a part of `contact.thickness`.
-    #[must_use]
     pub fn gap(self, pressure: f64) -> f64 {
         let [least, rise] = self.constants();
         1.0 - libm::log1p(pressure / least) / rise
@@ -100,7 +97,6 @@ pub struct BendTable(pub [[f64; 5]; 3]);
 
 impl Material {
     /// The material with its tables multiplied: `stretch` and `bend` times as stiff.
-    #[must_use]
     pub fn multiplied(mut self, stretch: f64, bend: f64) -> Self {
         let tables = self.stretch.0.as_flattened_mut().iter_mut();
         tables.for_each(|k| *k *= stretch);

@@ -38,7 +38,6 @@ pub struct FaceFabrics {
 
 impl FaceFabrics {
     /// Number of the name of a face.
-    #[must_use]
     pub fn of(&self, face: FaceId) -> Option<usize> {
         let number = self.of_face.get(face.index()).copied().flatten();
         number.map(|number| number as usize)
@@ -132,52 +131,44 @@ impl Mesh {
     }
 
     /// The connectivity.
-    #[must_use]
     pub fn topology(&self) -> &Topology {
         &self.topology
     }
 
     /// The pattern: rest shapes of faces, seams and panels.
-    #[must_use]
     pub fn pattern(&self) -> Pattern<'_, DVec2> {
         Pattern::new(&self.topology, &self.points, self.corners.as_deref())
     }
 
     /// Points of the pattern `[m]`, `[points]`. The first are those of the vertices, each in its
     /// first face; of a mesh without seams there are no others.
-    #[must_use]
     pub fn material_coordinates(&self) -> &[DVec2] {
         &self.points
     }
 
     /// Start positions in the world `[m]`, `[vertices]`.
-    #[must_use]
     pub fn positions(&self) -> &[DVec3] {
         &self.positions
     }
 
     /// Dihedral angle of each edge at which its hinge has no torque `[rad]`, `[edges]`; empty where
     /// all are 0.
-    #[must_use]
     pub fn rest_angles(&self) -> &[f64] {
         &self.rest_angles
     }
 
     /// Bending stiffness of a seam in units of that of the cloth beside it.
-    #[must_use]
     pub fn seam_stiffness(&self) -> f64 {
         self.seam_stiffness
     }
 
     /// The texture coordinates.
-    #[must_use]
     pub fn texture(&self) -> &Texture {
         &self.texture
     }
 
     /// The same mesh with these texture coordinates of its faces' corners, `[faces, 3]`, v upwards,
     /// or with none.
-    #[must_use]
     pub fn with_texture(self, corners: Option<&[[Vec2; 3]]>) -> Self {
         let own = |corners| Texture::Own(NumberedPattern::new(&self.topology, corners));
         let texture = corners.map_or(Texture::None, own);
@@ -185,7 +176,6 @@ impl Mesh {
     }
 
     /// Names of the faces' fabrics.
-    #[must_use]
     pub fn fabrics(&self) -> &FaceFabrics {
         &self.fabrics
     }
@@ -235,7 +225,6 @@ impl Mesh {
     }
 
     /// The same mesh whose rest angles are those of its start positions. `[eq:rest-angle]`
-    #[must_use]
     pub fn with_rest_angles_of_start(self) -> Self {
         let at = |vertex: VertexId| self.positions[vertex.index()];
         let edges = self.topology.edges().iter();
@@ -287,14 +276,12 @@ impl Mesh {
     }
 
     /// Areas, lengths and masses of the rest shape for a cloth of `density` `[kg/m²]`.
-    #[must_use]
     pub fn rest_shape(&self, density: f64) -> RestShape {
         RestShape::of(self, |_| density)
     }
 
     /// Areas, lengths and masses of the rest shape where each face has a density of its own
     /// `[kg/m²]`.
-    #[must_use]
     pub fn rest_shape_of(&self, density: impl Fn(FaceId) -> f64) -> RestShape {
         RestShape::of(self, density)
     }

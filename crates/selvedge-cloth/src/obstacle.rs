@@ -136,7 +136,6 @@ impl Obstacle {
     }
 
     /// The same obstacle where it is at the start, for ever.
-    #[must_use]
     pub fn at_start(&self) -> Self {
         Self {
             points: self.positions_at(0.0).collect(),
@@ -149,55 +148,46 @@ impl Obstacle {
     }
 
     /// The same obstacle, of which the cloth touches the mesh even where it is round.
-    #[must_use]
     pub fn as_mesh(self) -> Self {
         Self { core: None, ..self }
     }
 
     /// The core, which stands still where the body does; none where it is not round.
-    #[must_use]
     pub fn core(&self) -> Option<&Core> {
         self.core.as_ref()
     }
 
     /// Name of the obstacle.
-    #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
     /// Corners of every face, `[faces, 3]`. They stay the same.
-    #[must_use]
     pub fn faces(&self) -> &[[u32; 3]] {
         &self.faces
     }
 
     /// Number of points. It stays the same.
-    #[must_use]
     pub fn point_count(&self) -> usize {
         self.points.len()
     }
 
     /// The motion.
-    #[must_use]
     pub fn path(&self) -> &ObstaclePath {
         &self.path
     }
 
     /// Coefficient of friction; infinite where the cloth alone decides.
-    #[must_use]
     pub fn friction(&self) -> f64 {
         self.friction
     }
 
     /// Thickness `[m]`, if it has one of its own.
-    #[must_use]
     pub fn thickness(&self) -> Option<f64> {
         self.thickness
     }
 
     /// Returns true if the obstacle never moves.
-    #[must_use]
     pub fn is_still(&self) -> bool {
         match &self.path {
             ObstaclePath::Still => true,
@@ -226,7 +216,6 @@ impl Obstacle {
     }
 
     /// The core at `time` `[s]`; none where the body is not round.
-    #[must_use]
     pub fn core_at(&self, time: f64) -> Option<Core> {
         let (turn, by) = self.rigid_place(time);
         self.core.map(|core| Core {
@@ -237,7 +226,6 @@ impl Obstacle {
 
     /// Rotation and translation `[m]` of a rigid body at `time` `[s]`, against its own points; none
     /// of either for one that moves otherwise.
-    #[must_use]
     pub fn rigid_place(&self, time: f64) -> (DQuat, DVec3) {
         match &self.path {
             ObstaclePath::Rigid(keys) => rigid_at(keys, time),

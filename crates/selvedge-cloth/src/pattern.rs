@@ -54,7 +54,6 @@ pub struct NumberedPattern<P> {
 impl<P: PatternPoint> NumberedPattern<P> {
     /// Numbers the points of faces with these coordinates at their `corners`, `[faces, 3]`.
     /// Corners of a vertex with equal coordinates are one point.
-    #[must_use]
     pub fn new(topology: &Topology, corners: &[[P; 3]]) -> Self {
         let count = topology.vertex_count();
         let mut first: Vec<Option<P>> = vec![None; count];
@@ -155,14 +154,12 @@ pub struct EdgeSide<P> {
 
 impl<P: PatternPoint> EdgeSide<P> {
     /// Length of the edge in this face's pattern `[m]`.
-    #[must_use]
     pub fn length(&self) -> f64 {
         let [a, b] = self.ends.map(P::wide);
         a.distance(b)
     }
 
     /// Area of the face in its pattern `[m²]`.
-    #[must_use]
     pub fn area(&self) -> f64 {
         let [a, b] = self.ends.map(P::wide);
         signed_area_2d(a, b, self.opposite.wide()).abs()
@@ -184,19 +181,16 @@ impl<'a, P: PatternPoint> Pattern<'a, P> {
     }
 
     /// The points `[m]`, `[points]`.
-    #[must_use]
     pub fn points(&self) -> &'a [P] {
         self.points
     }
 
     /// Returns true when a vertex has more than one point.
-    #[must_use]
     pub fn is_sewn(&self) -> bool {
         self.corners.is_some()
     }
 
     /// Points of the corners of each face, `[faces, 3]`.
-    #[must_use]
     pub fn corners(&self) -> Vec<[u32; 3]> {
         match self.corners {
             Some(corners) => corners.to_vec(),
@@ -205,7 +199,6 @@ impl<'a, P: PatternPoint> Pattern<'a, P> {
     }
 
     /// Points of the corners of a face.
-    #[must_use]
     pub fn corner_points(&self, face: FaceId) -> [u32; 3] {
         match self.corners {
             Some(corners) => corners[face.index()],
@@ -214,7 +207,6 @@ impl<'a, P: PatternPoint> Pattern<'a, P> {
     }
 
     /// Rest shape of a face: its corners in the pattern `[m]`.
-    #[must_use]
     pub fn face(&self, face: FaceId) -> [P; 3] {
         self.corner_points(face)
             .map(|point| self.points[point as usize])
@@ -226,7 +218,6 @@ impl<'a, P: PatternPoint> Pattern<'a, P> {
     }
 
     /// Vertex of each point, `[points]`.
-    #[must_use]
     pub fn vertices(&self) -> Vec<u32> {
         let mut vertices: Vec<u32> = (0..self.points.len() as u32).collect();
         for (face, corners) in self
@@ -243,7 +234,6 @@ impl<'a, P: PatternPoint> Pattern<'a, P> {
     }
 
     /// The edge as its two faces have it; of a boundary edge only the first.
-    #[must_use]
     pub fn sides(&self, edge: &Edge) -> (EdgeSide<P>, Option<EdgeSide<P>>) {
         let side = |face: FaceId| {
             let vertices = self.topology.faces()[face.index()];
@@ -267,7 +257,6 @@ impl<'a, P: PatternPoint> Pattern<'a, P> {
     }
 
     /// Returns true when the edge's two faces see its ends at different points.
-    #[must_use]
     pub fn is_seam(&self, edge: &Edge) -> bool {
         if self.corners.is_none() {
             return false;
@@ -278,7 +267,6 @@ impl<'a, P: PatternPoint> Pattern<'a, P> {
 
     /// Length of each edge in the pattern `[m]`, `[edges]`; at a seam the mean of its two sides,
     /// which may differ where one is eased into the other. `[eq:seam-length]`
-    #[must_use]
     pub fn edge_lengths(&self) -> Vec<f64> {
         let edges = self.topology.edges().iter();
         edges
@@ -293,7 +281,6 @@ impl<'a, P: PatternPoint> Pattern<'a, P> {
 
     /// Number of each face's panel, `[faces]`: pieces that hang together without a seam, counted
     /// from 0 in the order of their first faces.
-    #[must_use]
     pub fn panels(&self) -> Vec<u32> {
         pieces(self.topology.faces().len(), |face| {
             let edges = self.topology.face_edges()[face].into_iter();

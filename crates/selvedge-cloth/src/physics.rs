@@ -122,7 +122,6 @@ pub enum Integrator {
 
 impl Integrator {
     /// Order of the error in the substep.
-    #[must_use]
     pub fn order(self) -> u32 {
         match self {
             Self::Linearised => 1,
@@ -144,7 +143,6 @@ pub struct GeneralisedAlpha {
 impl GeneralisedAlpha {
     /// The spectral radius: 0.1 where none is given. With contact 0: there 0.1 leaves a cloth that
     /// lies on a ball jittering by a tenth of a millimetre.
-    #[must_use]
     pub fn radius(self, has_contact: bool) -> f64 {
         let usual = if has_contact { 0.0 } else { 0.1 };
         self.spectral_radius.unwrap_or(usual)
@@ -231,7 +229,6 @@ impl Default for SagSettings {
 
 impl PhysicsSettings {
     /// The settings of a mode.
-    #[must_use]
     pub fn in_mode(mode: PhysicsMode) -> Self {
         match mode {
             PhysicsMode::Selvedge => Self::default(),
@@ -259,7 +256,6 @@ impl PhysicsSettings {
     /// rest within a minute, and waves too short for the substeps do not ring. Backward Euler damps
     /// more than that by itself and has none. The measured law, which is no gradient of an energy,
     /// has 0.2 ms as it had before there was an energy.
-    #[must_use]
     pub fn damping(&self, damping: f64) -> f64 {
         let least = self
             .least_damping
@@ -272,7 +268,6 @@ impl PhysicsSettings {
     }
 
     /// Largest number of substeps of a frame.
-    #[must_use]
     pub fn most_substeps(&self) -> u32 {
         MOST_SUBSTEPS.max(MOST_PARTS * self.substeps)
     }

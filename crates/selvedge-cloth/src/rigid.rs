@@ -17,20 +17,17 @@ pub struct Rigid {
 
 impl Rigid {
     /// The motion that turns about `pivot` `[m]` and then goes `by` `[m]`.
-    #[must_use]
     pub fn about(pivot: DVec3, turn: DQuat, by: DVec3) -> Self {
         let by = pivot - turn * pivot + by;
         Self { turn, by }
     }
 
     /// Where a point `[m]` goes.
-    #[must_use]
     pub fn of(&self, point: DVec3) -> DVec3 {
         self.turn * point + self.by
     }
 
     /// This motion after another one.
-    #[must_use]
     pub fn after(&self, first: &Self) -> Self {
         Self {
             turn: (self.turn * first.turn).normalize(),
@@ -56,7 +53,6 @@ impl Impulse {
     };
 
     /// The momentum `linear` `[N s]`, received at `place` `[m]`.
-    #[must_use]
     pub fn at(place: DVec3, linear: DVec3) -> Self {
         Self {
             linear,
@@ -65,7 +61,6 @@ impl Impulse {
     }
 
     /// The angular momentum about `place` `[m]` `[N m s]`.
-    #[must_use]
     pub fn about(&self, place: DVec3) -> DVec3 {
         self.angular - place.cross(self.linear)
     }
@@ -92,8 +87,15 @@ impl TryFrom<&[f64]> for Rigid {
             is_turn && matrix.row(3).abs_diff_eq(DVec4::W, 1e-6) && matrix.is_finite()
         };
         let Some(matrix) = matrix.filter(is_rigid) else {
-            let what = "a rigid motion is a 4×4 matrix, 16 numbers by columns, that turns and moves without scale, mirror or shear";
-            return Err(HandleError::Unusable(what.to_owned()));
+            let transposed = numbers.map(|all| DMat4::from_cols_array(&all).transpose());
+            let found = match transposed {
+                None => format!("found {} numbers", columns.len()),
+                Some(other) if is_rigid(&other) => "found its transpose".to_owned(),
+                Some(other) => format!("found the rows {:?}", other.to_cols_array_2d()),
+            };
+            return Err(HandleError::Unusable(format!(
+                "no rigid motion: write a 4×4 matrix whose upper left 3×3 numbers rotate without scale, mirror or shear, whose last column is the way in metres and 1, and whose last row is 0 0 0 1; {found}"
+            )));
         };
         let turn = DQuat::from_mat4(&matrix).normalize();
         let by = matrix.w_axis.truncate();
@@ -123,10 +125,17 @@ mod tests {
         let read = Rigid::try_from(&columns[..]).unwrap();
         assert!(read.of(DVec3::ONE).distance(to.of(DVec3::ONE)) < 1e-14);
         let refused = |columns: &[f64]| Rigid::try_from(columns).unwrap_err().to_string();
-        assert!(refused(&columns[..12]).contains("16 numbers by columns"));
+        assert!(refused(&columns[..12]).contains("found 12 numbers"));
+        let rows = DMat4::from_cols_array(&columns).transpose();
+        assert!(refused(&rows.to_cols_array()).contains("found its transpose"));
         let mut wrong = columns;
-        wrong[0] *= 2.0;
+        wrong[0] = 2.0;
         assert!(refused(&wrong).contains("without scale"));
+        assert!(
+            refused(&wrong).contains("found the rows [[2.0, "),
+            "{}",
+            refused(&wrong)
+        );
         wrong = columns;
         wrong[13] = f64::NAN;
         assert!(refused(&wrong).contains("without scale"));

@@ -45,7 +45,6 @@ pub struct Scene {
 
 impl Scene {
     /// A cloth that is held still for a second, by the default settings in all else, without contact.
-    #[must_use]
     pub fn of(name: &str, mesh: Mesh, handles: Handles, material: Material) -> Self {
         Self {
             name: name.to_owned(),
@@ -129,7 +128,6 @@ impl Scene {
     }
 
     /// The materials of the cloth, its own first, and the number of each face's, `[faces]`.
-    #[must_use]
     pub fn materials(&self) -> (Vec<&Material>, Vec<usize>) {
         let fabrics = self.mesh.fabrics();
         let mut materials = vec![&self.material];
@@ -150,7 +148,6 @@ impl Scene {
     }
 
     /// Areas, lengths and masses of the cloth's rest shape.
-    #[must_use]
     pub fn rest_shape(&self) -> RestShape {
         let (materials, of_face) = self.materials();
         self.mesh

@@ -36,7 +36,6 @@ const ROUNDING: f64 = 1e-6;
 
 impl HandleSchedule {
     /// Returns true when all handles hold all the time.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.releases.is_empty()
     }
@@ -86,7 +85,6 @@ impl HandleSchedule {
     /// Marks which of `handle_count` handles have been let go in the step from `frame` to the next
     /// or in one before it, at `frame_rate` frames per second, `[handles]`; it may have taken hold
     /// again.
-    #[must_use]
     pub fn let_go_by(&self, frame: usize, frame_rate: f64, handle_count: usize) -> Vec<bool> {
         self.marked(handle_count, |span| {
             let first = (span.from * frame_rate - ROUNDING).ceil();
@@ -96,7 +94,6 @@ impl HandleSchedule {
 
     /// Marks which of `handle_count` handles are let go during the step from `frame` to the next at
     /// `frame_rate` frames per second, `[handles]`.
-    #[must_use]
     pub fn released(&self, frame: usize, frame_rate: f64, handle_count: usize) -> Vec<bool> {
         let now = frame as f64 + ROUNDING;
         self.marked(handle_count, |span| {

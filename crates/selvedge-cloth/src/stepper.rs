@@ -3,7 +3,7 @@
 //!
 //! The physics, the learned model and a recording implement [`Stepper`]; the recorder, the
 //! evaluator, the viewer and the exporters consume it and never ask which one it is.
-//! [`crate::conformance`] checks an implementation.
+//! `tests/conformance` of this crate checks an implementation.
 
 use std::any::Any;
 use std::sync::Arc;
@@ -73,8 +73,8 @@ pub trait Stepper {
     /// next targets begin from there.
     ///
     /// # Errors
-    /// [`StepError`], with the frame now, where the cloth would meet an obstacle, or of a stepper that
-    /// cannot be set elsewhere; the cloth is left as it was.
+    /// [`StepError`], with the frame now, where the cloth would meet an obstacle, for the number of no
+    /// obstacle, or of a stepper that cannot be set elsewhere; the cloth is left as it was.
     fn teleport(&mut self, to: Rigid, along: &[usize]) -> Result<(), StepError> {
         let _ = (to, along);
         let what = "only the solver can teleport a cloth, and not a network or a recording";
@@ -132,33 +132,45 @@ pub trait Correctable: Stepper {
     fn undo_step(&mut self);
 }
 
+/// Implements the methods of [`Stepper`] that say what moves and where it is, and `stop_by`, by
+/// another stepper, as `self: self.inner`; `but stop_by` leaves that out.
+#[macro_export]
+macro_rules! delegate_stepper {
+    ($self:ident: $inner:expr) => {
+        $crate::delegate_stepper!($self: $inner, but stop_by);
+
+        fn stop_by(&mut $self, stop: $crate::Stop) {
+            $inner.stop_by(stop);
+        }
+    };
+    ($self:ident: $inner:expr, but stop_by) => {
+        fn topology(&$self) -> &$crate::Topology {
+            $inner.topology()
+        }
+
+        fn handles(&$self) -> &$crate::Handles {
+            $inner.handles()
+        }
+
+        fn positions(&$self) -> &[::glam::Vec3] {
+            $inner.positions()
+        }
+
+        fn frame(&$self) -> usize {
+            $inner.frame()
+        }
+
+        fn handle_places(&$self) -> ::std::vec::Vec<::glam::DVec3> {
+            $inner.handle_places()
+        }
+    };
+}
+
 impl<S: Stepper + ?Sized> Stepper for Box<S> {
-    fn topology(&self) -> &Topology {
-        (**self).topology()
-    }
-
-    fn handles(&self) -> &Handles {
-        (**self).handles()
-    }
-
-    fn positions(&self) -> &[Vec3] {
-        (**self).positions()
-    }
-
-    fn frame(&self) -> usize {
-        (**self).frame()
-    }
-
-    fn handle_places(&self) -> Vec<DVec3> {
-        (**self).handle_places()
-    }
+    delegate_stepper!(self: (**self));
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
         (**self).step(targets)
-    }
-
-    fn stop_by(&mut self, stop: Stop) {
-        (**self).stop_by(stop);
     }
 
     fn snapshot(&self) -> Option<Snapshot> {
@@ -257,9 +269,17 @@ pub enum StepError {
     #[error("frame {frame}: the recording has only {frames} frames")]
     EndOfRecording { frame: usize, frames: usize },
     #[error(
-        "frame {frame}: there is no going back to this snapshot: it is of another kind of stepper, or of another cloth; take one of this stepper"
+        "frame {frame}: there is no going back to this snapshot: it is of another kind of stepper, or of another scene; take one of this stepper"
     )]
     Snapshot { frame: usize },
+    #[error(
+        "frame {frame}: there is no obstacle {number}: {count} can be led, numbered from 0 in the order of the scene; only the solver leads any, of a scene with contact"
+    )]
+    Obstacle {
+        frame: usize,
+        number: usize,
+        count: usize,
+    },
 }
 
 /// Obstacles that push, as a part of a message.
@@ -283,7 +303,6 @@ fn squeezing(names: &[String]) -> String {
 
 impl StepError {
     /// The frame that could not be reached.
-    #[must_use]
     pub fn frame(&self) -> usize {
         match *self {
             Self::Handles { frame, .. }
@@ -296,6 +315,7 @@ impl StepError {
             | Self::Device { frame, .. }
             | Self::Stopped { frame }
             | Self::Snapshot { frame }
+            | Self::Obstacle { frame, .. }
             | Self::EndOfRecording { frame, .. } => frame,
         }
     }
@@ -332,35 +352,4 @@ pub fn check_targets_hold(
     let frame = stepper.frame() + 1;
     let hold = targets.require_all_hold();
     hold.map_err(|source| StepError::Handles { frame, source })
-}
-
-/// Implements every method of [`Stepper`] but [`Stepper::step`] and snapshots by the field of this
-/// name, which is a stepper itself.
-#[macro_export]
-macro_rules! delegate_stepper {
-    ($inner:ident) => {
-        fn topology(&self) -> &$crate::Topology {
-            self.$inner.topology()
-        }
-
-        fn handles(&self) -> &$crate::Handles {
-            self.$inner.handles()
-        }
-
-        fn positions(&self) -> &[::glam::Vec3] {
-            self.$inner.positions()
-        }
-
-        fn frame(&self) -> usize {
-            self.$inner.frame()
-        }
-
-        fn handle_places(&self) -> ::std::vec::Vec<::glam::DVec3> {
-            self.$inner.handle_places()
-        }
-
-        fn stop_by(&mut self, stop: $crate::Stop) {
-            self.$inner.stop_by(stop);
-        }
-    };
 }

@@ -29,7 +29,6 @@ pub struct Edge {
 
 impl Edge {
     /// Returns true when only one face has this edge.
-    #[must_use]
     pub fn is_boundary(&self) -> bool {
         self.faces.1.is_none()
     }
@@ -122,44 +121,37 @@ impl Topology {
     }
 
     /// Number of vertices.
-    #[must_use]
     pub fn vertex_count(&self) -> usize {
         self.vertex_count
     }
 
     /// The triangles, counter-clockwise, `[faces, 3]`.
-    #[must_use]
     pub fn faces(&self) -> &[[VertexId; 3]] {
         &self.faces
     }
 
     /// The undirected edges, sorted by (smaller, larger) vertex, `[edges]`.
-    #[must_use]
     pub fn edges(&self) -> &[Edge] {
         &self.edges
     }
 
     /// The edges of each face: `[f][k]` joins corners `k` and `k + 1`, `[faces, 3]`.
-    #[must_use]
     pub fn face_edges(&self) -> &[[EdgeId; 3]] {
         &self.face_edges
     }
 
     /// Both directions of every edge, sorted by (receiver, sender), `[2 edges]`.
-    #[must_use]
     pub fn arcs(&self) -> &[Arc] {
         &self.arcs
     }
 
     /// The range of [`Self::arcs`] that arrive at `vertex`.
-    #[must_use]
     pub fn arcs_into(&self, vertex: VertexId) -> std::ops::Range<usize> {
         let v = vertex.index();
         self.first_arc[v] as usize..self.first_arc[v + 1] as usize
     }
 
     /// Marks the vertices on the boundary, `[vertices]`.
-    #[must_use]
     pub fn boundary_vertices(&self) -> Vec<bool> {
         let mut boundary = vec![false; self.vertex_count];
         for edge in self.edges.iter().filter(|edge| edge.is_boundary()) {
@@ -172,7 +164,6 @@ impl Topology {
 
     /// The number of each vertex's sheet, `[vertices]`: connected pieces, counted from 0 in the
     /// order of their smallest vertices.
-    #[must_use]
     pub fn sheets(&self) -> Vec<u32> {
         pieces(self.vertex_count, |vertex| {
             let arcs = self.arcs[self.arcs_into(VertexId(vertex as u32))].iter();
@@ -181,7 +172,6 @@ impl Topology {
     }
 
     /// The faces as plain numbers, `[faces, 3]`, as files want them.
-    #[must_use]
     pub fn face_indices(&self) -> Vec<[u32; 3]> {
         self.faces.iter().map(|face| face.map(|v| v.0)).collect()
     }

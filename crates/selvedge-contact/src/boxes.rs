@@ -14,7 +14,6 @@ pub struct Bounds {
 
 impl Bounds {
     /// The box of one point.
-    #[must_use]
     #[inline]
     pub fn of(point: DVec3) -> Self {
         Self {
@@ -24,7 +23,6 @@ impl Bounds {
     }
 
     /// The least box around both.
-    #[must_use]
     #[inline]
     pub fn around(self, other: Self) -> Self {
         Self {
@@ -34,7 +32,6 @@ impl Bounds {
     }
 
     /// The box, wider by `margin` on every side.
-    #[must_use]
     #[inline]
     pub fn widened(self, margin: f64) -> Self {
         Self {
@@ -44,14 +41,12 @@ impl Bounds {
     }
 
     /// Returns true if the boxes have a point in common.
-    #[must_use]
     #[inline]
     pub fn meets(&self, other: &Self) -> bool {
         self.least.cmple(other.greatest).all() && other.least.cmple(self.greatest).all()
     }
 
     /// Returns true if `other` lies within.
-    #[must_use]
     #[inline]
     pub fn contains(&self, other: &Self) -> bool {
         self.least.cmple(other.least).all() && other.greatest.cmple(self.greatest).all()
@@ -165,7 +160,6 @@ pub(crate) struct Tree {
 
 impl Tree {
     /// A tree over `faces`, each with its place `[m]`, halved at medians along the longest side.
-    #[must_use]
     pub(crate) fn new(faces: impl Iterator<Item = (u32, DVec3)>) -> Self {
         let mut faces: Vec<(u32, DVec3)> = faces.collect();
         let mut nodes = Vec::with_capacity(2 * faces.len());

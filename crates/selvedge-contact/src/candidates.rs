@@ -74,7 +74,6 @@ pub struct Ways<'a> {
 
 impl<'a> Ways<'a> {
     /// Points that stay where they are `[m]`, `[points]`.
-    #[must_use]
     pub fn still(points: &'a [DVec3]) -> Self {
         Self {
             from: points,
@@ -169,7 +168,6 @@ impl Candidates {
     /// No candidates yet, of a `mesh` whose trees fit these `points` `[m]`, those at the begin of
     /// the scene. Where the cloth does
     /// not touch itself, its own pairs are left out.
-    #[must_use]
     pub fn new(mesh: &CollisionMesh, points: &[DVec3], touches_itself: bool) -> Self {
         let middle = |face: u32| {
             let corners = mesh.faces()[face as usize];
@@ -199,7 +197,6 @@ impl Candidates {
 
     /// The same, but pairs within a patch of the cloth that is too smooth to meet itself are left
     /// out. The cloth's faces have these `corners` in its pattern `[m]`, `[faces, 3]`. `[eq:patch]`
-    #[must_use]
     pub fn with_pattern(mut self, mesh: &CollisionMesh, corners: &[[DVec2; 3]]) -> Self {
         if self.touches_itself {
             self.patches = Some(Patches::new(mesh, corners, &mut self.own_tree));
@@ -226,7 +223,6 @@ impl Candidates {
     }
 
     /// The pairs. Those of one search are in an order that depends on the mesh alone.
-    #[must_use]
     pub fn pairs(&self) -> &[Pair] {
         &self.pairs
     }
@@ -254,7 +250,6 @@ impl Candidates {
     }
 
     /// Contact whose pairs are left out.
-    #[must_use]
     pub fn released(&self) -> &Released {
         &self.released
     }
@@ -273,13 +268,11 @@ impl Candidates {
     }
 
     /// Pairs of the cloth with itself that come first: it may move as a whole, and they still hold.
-    #[must_use]
     pub fn own_count(&self) -> usize {
         self.own.0
     }
 
     /// Returns true if no pair is missed while the points move from `from` to `to` `[m]`.
-    #[must_use]
     pub fn cover(&mut self, from: &[DVec3], to: &[DVec3]) -> bool {
         let still = Ways {
             from,

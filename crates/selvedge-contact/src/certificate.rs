@@ -43,7 +43,6 @@ pub struct Impact {
 
 impl Path {
     /// The places at `part` of the span.
-    #[must_use]
     #[inline]
     pub fn at(&self, part: f64) -> [DVec3; 4] {
         std::array::from_fn(|k| self.from[k].lerp(self.to[k], part))
@@ -51,7 +50,6 @@ impl Path {
 
     /// A distance that the features keep by one of the directions of the axes `[m]`; negative where
     /// none of them shows it.
-    #[must_use]
     #[inline]
     pub fn axes_gap(&self, kind: Kind) -> f64 {
         let (above, below) = self.along_axes(kind);
@@ -60,7 +58,6 @@ impl Path {
 
     /// The axis by which [`Self::axes_gap`] is kept: a unit direction from the second feature to
     /// the first.
-    #[must_use]
     pub fn axis(&self, kind: Kind) -> DVec3 {
         let (above, below) = self.along_axes(kind);
         let axis = above.max(below).max_position();
@@ -162,7 +159,6 @@ pub fn certify_turning(kind: Kind, path: &Path, distance: f64, start: Gap) -> Re
 
 /// The corners of a pair at the time of impact that [`certify`] finds on its way `from` here `to` there, or at
 /// the end of the way where it finds none: with a derivative by both, where numbers have one.
-#[must_use]
 pub fn at_impact<N: Number<Mask = bool>>(
     kind: Kind,
     path: &Path,
@@ -246,7 +242,6 @@ fn is_apart(
 
 /// Length of the longest of the `ways` `[m]` of a corner of one feature against one of the other: the
 /// features come no nearer than by that.
-#[must_use]
 #[inline]
 pub fn approach(kind: Kind, ways: [DVec3; 4]) -> f64 {
     let [a, b, c, d] = ways;
@@ -261,7 +256,6 @@ pub fn approach(kind: Kind, ways: [DVec3; 4]) -> f64 {
 /// Least extent along `direction`, not longer than 1, from the second feature to the first `[m]`:
 /// they are at least so far apart. Where the extent at both ends of a straight way is at least a
 /// distance, it is so on all of it.
-#[must_use]
 #[inline]
 pub fn extent(kind: Kind, corners: [DVec3; 4], direction: DVec3) -> f64 {
     crate::eight::extent::<f64>(kind, corners, direction)

@@ -19,7 +19,6 @@ pub struct Gap {
 }
 
 /// The closest points of the two features with these corners `[m]`.
-#[must_use]
 #[inline]
 pub fn gap(kind: Kind, corners: [DVec3; 4]) -> Gap {
     let weights = match kind {
@@ -41,7 +40,6 @@ pub fn gap(kind: Kind, corners: [DVec3; 4]) -> Gap {
 /// A distance that the gap of the two features with these corners is not below `[m]`, at a fraction
 /// of its cost: that of the boxes around them, along the axis in which it is largest; negative
 /// where they overlap.
-#[must_use]
 #[inline]
 pub fn least_gap(kind: Kind, corners: [DVec3; 4]) -> f64 {
     let (above, below) = along_axes(kind, corners);
@@ -166,7 +164,6 @@ pub struct Push {
 /// The push along `gap`'s direction after which Σ wᵢ n·xᵢ is `distance` `[m]`, for corners `now`
 /// `[m]` and their inverse masses `[1/kg]`, 0 where they are held. None if it is that already, or
 /// if all are held. `[eq:separation]`
-#[must_use]
 pub fn push(gap: &Gap, now: [DVec3; 4], inverse: [f64; 4], distance: f64) -> Option<Push> {
     let mut extent = 0.0;
     let mut mobility = 0.0;

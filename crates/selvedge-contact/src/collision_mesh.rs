@@ -59,7 +59,6 @@ pub struct Body {
 
 impl CollisionMesh {
     /// The mesh of a cloth and `obstacles`. Body 0 is the cloth.
-    #[must_use]
     pub fn new(cloth: &Topology, obstacles: &[Obstacle]) -> Self {
         let mut mesh = Self {
             faces: Vec::new(),
@@ -174,31 +173,26 @@ impl CollisionMesh {
     }
 
     /// Number of the connected part of its body to which `point` belongs.
-    #[must_use]
     pub fn part_of(&self, point: u32) -> u32 {
         self.parts[point as usize]
     }
 
     /// Corners of every face.
-    #[must_use]
     pub fn faces(&self) -> &[[u32; 3]] {
         &self.faces
     }
 
     /// Every edge.
-    #[must_use]
     pub fn edges(&self) -> &[CollisionEdge] {
         &self.edges
     }
 
     /// The cloth, then each obstacle.
-    #[must_use]
     pub fn bodies(&self) -> &[Body] {
         &self.bodies
     }
 
     /// Number of the body to which `point` belongs; 0 is the cloth.
-    #[must_use]
     pub fn body_of(&self, point: u32) -> usize {
         self.bodies
             .partition_point(|body| body.points.end <= point)
@@ -206,13 +200,11 @@ impl CollisionMesh {
     }
 
     /// Radius around each point `[m]`, `[points]`: 0 but of round bodies.
-    #[must_use]
     pub fn radii(&self) -> &[f64] {
         &self.radii
     }
 
     /// Radius of the round body of a pair `[m]`: its gap is that of its features less this. 0 without one.
-    #[must_use]
     #[inline]
     pub fn radius_of(&self, pair: &Pair) -> f64 {
         let radius = |k: usize| self.radii[pair.corners[k] as usize];

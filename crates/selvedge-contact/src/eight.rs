@@ -23,7 +23,6 @@ pub struct Gaps {
 }
 
 /// The gaps of pairs of this `kind` of `points` `[m]`.
-#[must_use]
 pub fn gaps(kind: Kind, corners: &[[u32; 4]; GROUP], points: &[DVec3]) -> Gaps {
     Arch::new().dispatch(OfGaps {
         kind,

@@ -21,7 +21,6 @@ impl Candidates {
     /// All faces of the cloth that meet another face of the cloth, where it touches itself, or of
     /// an obstacle, at `points` `[m]`, in ascending order, but for contact that is released. Faces with a common vertex meet where
     /// they do so elsewhere too.
-    #[must_use]
     pub fn intersections(&self, mesh: &CollisionMesh, points: &[DVec3]) -> Vec<Intersection> {
         let corners = |face: u32| mesh.faces()[face as usize];
         let mut found = Vec::new();
@@ -74,7 +73,6 @@ fn comes_within(radius: f64, points: &[DVec3], triangle: [u32; 3], core: [u32; 3
 
 /// Returns true if two triangles among `points` meet, exactly. Of triangles with a common vertex,
 /// only what they have in common beside it counts; with three common vertices they always meet.
-#[must_use]
 pub fn triangles_meet(points: &[DVec3], first: [u32; 3], second: [u32; 3]) -> bool {
     let place = |corner: u32| points[corner as usize];
     let (a, b) = (first.map(place), second.map(place));

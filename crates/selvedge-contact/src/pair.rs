@@ -26,7 +26,6 @@ pub struct Pair {
 
 impl Kind {
     /// Number of corners of the first feature.
-    #[must_use]
     #[inline]
     pub fn split(self) -> usize {
         match self {
@@ -38,7 +37,6 @@ impl Kind {
 
 impl Pair {
     /// The pair of a vertex and a face.
-    #[must_use]
     pub fn vertex_face(vertex: u32, face: u32, corners: [u32; 4]) -> Self {
         Self {
             kind: Kind::VertexFace,
@@ -49,7 +47,6 @@ impl Pair {
     }
 
     /// The pair of two edges.
-    #[must_use]
     pub fn edge_edge(first: u32, second: u32, corners: [u32; 4]) -> Self {
         Self {
             kind: Kind::EdgeEdge,
@@ -60,7 +57,6 @@ impl Pair {
     }
 
     /// Places of the corners among `points`.
-    #[must_use]
     #[inline]
     pub fn places(&self, points: &[DVec3]) -> [DVec3; 4] {
         let [a, b, c, d] = self.corners;

@@ -25,13 +25,11 @@ impl Released {
     }
 
     /// Places of all points when the scene begins `[m]`, `[points]`.
-    #[must_use]
     pub fn first(&self) -> &[DVec3] {
         &self.first
     }
 
     /// What is released, in ascending order of vertices.
-    #[must_use]
     pub fn list(&self) -> &[ReleasedContact] {
         &self.list
     }
@@ -44,7 +42,6 @@ impl Released {
     }
 
     /// Returns true if two features with these corners may pass each other.
-    #[must_use]
     #[inline]
     pub fn frees(&self, mesh: &CollisionMesh, first: &[u32], second: &[u32]) -> bool {
         if self.list.is_empty() {
@@ -67,7 +64,6 @@ impl Released {
     }
 
     /// Returns true if this point of the body of `one` may be passed.
-    #[must_use]
     pub fn frees_point(&self, mesh: &CollisionMesh, one: &ReleasedContact, point: u32) -> bool {
         let [own, other] = one
             .places
@@ -79,7 +75,6 @@ impl Released {
 
 /// Number of times that faces with these corners `[m]` wind around a `place` `[m]`: 0 outside of a
 /// closed body and 1 or -1 within; across an open one it changes by 1.
-#[must_use]
 pub fn winding(place: DVec3, faces: impl Iterator<Item = [DVec3; 3]>) -> f64 {
     let angles = faces.map(|face| {
         let [a, b, c] = face.map(|p| p - place);

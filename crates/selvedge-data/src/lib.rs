@@ -73,6 +73,7 @@ pub use dataset::preset::{
 pub use dataset::sections::{Sample, Section, SectionRule};
 pub use dataset::writer::DatasetWriter;
 pub use dataset::{Dataset, DatasetIndex, DatasetStatistics, Entry, Split, Splits};
+pub use formats::arrays::{Array, ArrayFile};
 pub use formats::atomic::{
     WriteError, is_writing, remove_parts, write_atomically, write_beside, write_folder_atomically,
 };

@@ -217,7 +217,6 @@ pub struct Region {
 
 impl Region {
     /// Part `number` of `parts` of one size.
-    #[must_use]
     pub fn part(self, number: usize, parts: usize) -> Self {
         let count = self.count / parts;
         Self {

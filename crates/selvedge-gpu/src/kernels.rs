@@ -11,20 +11,23 @@ const NONE: u32 = u32::MAX;
 pub(crate) enum Kernel {
     /// A matrix product.
     Product(ProductKind),
-    /// Gated recurrent units.
-    Gates,
-    /// Layer normalisation of rows.
-    Norm,
-    /// Layer normalisation of the messages into each vertex.
-    NormMessages,
-    /// Layer normalisation backward.
-    NormBackward,
-    /// Sums of squares of a gradient.
-    Squares,
-    /// Norm of a gradient.
-    Length,
-    /// An elementwise kernel.
-    Element(Element),
+    /// Layer normalisation of rows, or of the messages into each vertex.
+    Norm { of_messages: bool },
+    /// A kernel by its name and the parts of its source after what all have.
+    Written(&'static str, &'static [&'static str]),
+}
+
+/// A kernel that is written in these files.
+macro_rules! written {
+    ($name:literal: $($file:literal),+) => {
+        Kernel::Written($name, &[$(include_str!(concat!("kernels/", $file, ".wgsl"))),+])
+    };
+}
+/// One that computes its elements one by one.
+macro_rules! elementwise {
+    ($name:literal) => {
+        written!($name: $name, "element")
+    };
 }
 
 /// The kind of a matrix product.
@@ -49,84 +52,37 @@ enum EpilogueKind {
     Mask,
 }
 
-/// A kernel that computes its elements one by one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) enum Element {
-    /// Sums for the gradients of a layer normalisation.
-    NormSums,
-    /// Parts of a sum to a gradient.
-    AddParts,
-    /// Gradients of messages.
-    Messages,
-    /// Gradients of the products of vertices.
-    SumEnds,
-    /// Gated recurrent units backward.
-    GatesBackward,
-    /// Dropout.
-    Dropout,
-    /// A step of the optimiser.
-    Adam,
-}
-
-impl Element {
-    fn source(self) -> &'static str {
-        match self {
-            Self::NormSums => include_str!("kernels/norm_sums.wgsl"),
-            Self::AddParts => include_str!("kernels/add_parts.wgsl"),
-            Self::Messages => include_str!("kernels/messages.wgsl"),
-            Self::SumEnds => include_str!("kernels/sum_ends.wgsl"),
-            Self::GatesBackward => include_str!("kernels/gates_backward.wgsl"),
-            Self::Dropout => include_str!("kernels/dropout.wgsl"),
-            Self::Adam => include_str!("kernels/adam.wgsl"),
-        }
-    }
-}
-
 impl Kernel {
     /// Its name.
-    #[must_use]
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Product(_) => "product",
-            Self::Gates => "gates",
-            Self::Norm => "norm",
-            Self::NormMessages => "norm of messages",
-            Self::NormBackward => "norm backward",
-            Self::Squares => "squares",
-            Self::Length => "length",
-            Self::Element(_) => "element",
+            Self::Norm { .. } => "norm",
+            Self::Written(name, _) => name,
         }
     }
 
     /// Its source.
-    #[must_use]
     pub(crate) fn source(self) -> String {
         let common = include_str!("kernels/common.wgsl");
-        let sums = include_str!("kernels/sums.wgsl");
-        let norm = |add_up, rows| {
-            let source = include_str!("kernels/norm.wgsl");
-            let source = source.replace("ADD_UP", add_up).replace("ROWS", rows);
-            [common, sums, &source].concat()
-        };
         match self {
             Self::Product(kind) => [common, &kind.source()].concat(),
-            Self::Gates => [common, include_str!("kernels/gates.wgsl")].concat(),
-            Self::Norm => norm("", "normalise(row, row, lane);"),
-            Self::NormMessages => norm(
-                "m[p.incoming + to * p.width + k] += update;",
-                "for (var k = lane; k < p.width; k += 64u) { m[p.incoming + row * p.width + k] = 0.0; }
+            Self::Norm { of_messages } => {
+                let (add_up, rows) = if of_messages {
+                    (
+                        "m[p.incoming + to * p.width + k] += update;",
+                        "for (var k = lane; k < p.width; k += 64u) { m[p.incoming + row * p.width + k] = 0.0; }
     let end = index[p.first_arc + row + 1u];
     for (var arc = index[p.first_arc + row]; arc < end; arc++) { normalise(arc, row, lane); }",
-            ),
-            Self::NormBackward => {
-                [common, sums, include_str!("kernels/norm_backward.wgsl")].concat()
+                    )
+                } else {
+                    ("", "normalise(row, row, lane);")
+                };
+                let source = include_str!("kernels/norm.wgsl");
+                let source = source.replace("ADD_UP", add_up).replace("ROWS", rows);
+                [common, include_str!("kernels/sums.wgsl"), &source].concat()
             }
-            Self::Squares => [common, sums, include_str!("kernels/squares.wgsl")].concat(),
-            Self::Length => [common, sums, include_str!("kernels/length.wgsl")].concat(),
-            Self::Element(element) => {
-                let frame = include_str!("kernels/element.wgsl");
-                [common, element.source(), frame].concat()
-            }
+            Self::Written(_, parts) => [&[common], parts].concat().concat(),
         }
     }
 }
@@ -245,25 +201,57 @@ impl Pieces {
 
 /// The fate of the sums of a product.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Epilogue {
+pub(crate) struct Epilogue {
+    kind: EpilogueKind,
+    /// Bias, mask, products of ends, senders and receivers.
+    places: [u32; 5],
+}
+
+impl Epilogue {
     /// They are the result.
-    Set,
+    pub(crate) const SET: Self = Self {
+        kind: EpilogueKind::Set,
+        places: [NONE; 5],
+    };
     /// They are added to it.
-    Add,
+    pub(crate) const ADD: Self = Self {
+        kind: EpilogueKind::Add,
+        ..Self::SET
+    };
+
     /// Plus a bias.
-    Bias(u32),
+    pub(crate) fn bias(bias: u32) -> Self {
+        Self {
+            kind: EpilogueKind::Bias,
+            places: [bias, NONE, NONE, NONE, NONE],
+        }
+    }
+
     /// Plus a bias, then ReLU.
-    BiasRelu(u32),
-    /// Plus a bias and the products of the ends of an arc, then ReLU.
-    EndsRelu {
-        /// The bias.
-        bias: u32,
-        /// Products of each vertex as a sender and as a receiver, `[vertices, 2 columns]`; the
-        /// senders; the receivers.
-        of: [Region; 3],
-    },
+    pub(crate) fn bias_relu(bias: u32) -> Self {
+        Self {
+            kind: EpilogueKind::BiasRelu,
+            ..Self::bias(bias)
+        }
+    }
+
+    /// Plus a bias and the products of the ends of an arc, then ReLU: products of each vertex as a
+    /// sender and as a receiver, `[vertices, 2 columns]`; the senders; the receivers.
+    pub(crate) fn ends_relu(bias: u32, of: [Region; 3]) -> Self {
+        let [ends, senders, receivers] = of.map(|region| region.first);
+        Self {
+            kind: EpilogueKind::EndsRelu,
+            places: [bias, NONE, ends, senders, receivers],
+        }
+    }
+
     /// Zero where this array, the output of a ReLU, is zero.
-    Mask(Region),
+    pub(crate) fn mask(kept: Region) -> Self {
+        Self {
+            kind: EpilogueKind::Mask,
+            places: [NONE, kept.first, NONE, NONE, NONE],
+        }
+    }
 }
 
 /// Sizes of a matrix product.
@@ -316,29 +304,6 @@ impl Product {
     fn launch(self) -> Launch {
         let Sizes { rows, columns, k } = self.sizes;
         let parts = k.div_ceil(self.chunk.max(1)).max(1);
-        // Bias, mask, products of ends, senders and receivers.
-        let mut places = [NONE; 5];
-        let epilogue = match self.epilogue {
-            Epilogue::Set => EpilogueKind::Set,
-            Epilogue::Add => EpilogueKind::Add,
-            Epilogue::Bias(at) => {
-                places[0] = at;
-                EpilogueKind::Bias
-            }
-            Epilogue::BiasRelu(at) => {
-                places[0] = at;
-                EpilogueKind::BiasRelu
-            }
-            Epilogue::EndsRelu { bias, of } => {
-                let [ends, senders, receivers] = of.map(|region| region.first);
-                places = [bias, NONE, ends, senders, receivers];
-                EpilogueKind::EndsRelu
-            }
-            Epilogue::Mask(kept) => {
-                places[1] = kept.first;
-                EpilogueKind::Mask
-            }
-        };
         // Large tiles where there are enough of them to fill a card.
         let tiles = |size: usize| [columns, rows].map(|n| n.div_ceil(16 * size));
         let [x, y] = tiles(4);
@@ -353,12 +318,12 @@ impl Product {
         parameters.extend(pieces(self.b));
         parameters.extend([self.ones, self.c.first, self.c.ld as u32]);
         parameters.push((rows * columns) as u32);
-        parameters.extend(places);
+        parameters.extend(self.epilogue.places);
         Launch {
             kernel: Kernel::Product(ProductKind {
                 a_transposed: self.a_transposed,
                 b_transposed: self.b_transposed,
-                epilogue,
+                epilogue: self.epilogue.kind,
                 size,
             }),
             parameters,
@@ -441,7 +406,7 @@ impl ToWeights {
             b_transposed: false,
             ones,
             c: Matrix::new(self.parts, columns),
-            epilogue: Epilogue::Set,
+            epilogue: Epilogue::SET,
         };
         let add = AddParts {
             count: self.outputs * columns,
@@ -477,7 +442,7 @@ impl AddParts {
             self.to.ld as u32,
             self.bias,
         ];
-        elements(Element::AddParts, self.count, parameters)
+        elements(elementwise!("add_parts"), self.count, parameters)
     }
 }
 
@@ -509,7 +474,7 @@ impl Gates {
         parameters.extend(self.weights);
         let tiles = [self.hidden, self.rows].map(|n| n.div_ceil(32) as u32);
         Launch {
-            kernel: Kernel::Gates,
+            kernel: written!("gates": "gates"),
             parameters,
             groups: [tiles[0], tiles[1], 1],
         }
@@ -522,11 +487,11 @@ fn each(count: usize) -> [u32; 3] {
     [x as u32, count.div_ceil(x).max(1) as u32, 1]
 }
 
-fn elements(element: Element, count: usize, others: Vec<u32>) -> Launch {
+fn elements(kernel: Kernel, count: usize, others: Vec<u32>) -> Launch {
     let mut parameters = vec![count as u32];
     parameters.extend(others);
     Launch {
-        kernel: Kernel::Element(element),
+        kernel,
         parameters,
         groups: each(count.div_ceil(64)),
     }
@@ -572,7 +537,9 @@ impl Norm {
             (sums.first_arc.first, sums.incoming.first)
         });
         Launch {
-            kernel: sums.map_or(Kernel::Norm, |_| Kernel::NormMessages),
+            kernel: Kernel::Norm {
+                of_messages: sums.is_some(),
+            },
             parameters: vec![
                 rows as u32,
                 self.width as u32,
@@ -603,7 +570,7 @@ impl Norm {
         let mut parameters = vec![rows as u32, width as u32, gradient.first, self.x.first];
         parameters.extend(sums);
         let back = Launch {
-            kernel: Kernel::NormBackward,
+            kernel: written!("norm backward": "sums", "norm_backward"),
             parameters,
             groups: each(rows),
         };
@@ -617,7 +584,7 @@ impl Norm {
             self.x.first,
             parts.first,
         ];
-        let sums = elements(Element::NormSums, count * width, parameters);
+        let sums = elements(elementwise!("norm_sums"), count * width, parameters);
         let add = AddParts {
             count: 2 * width,
             columns: 2 * width,
@@ -645,7 +612,7 @@ pub(crate) fn messages_backward(
     let places = [arcs, incoming, receivers, out].map(|region| region.first);
     let mut parameters = vec![width as u32];
     parameters.extend(places);
-    elements(Element::Messages, arcs.count, parameters)
+    elements(elementwise!("messages"), arcs.count, parameters)
 }
 
 /// Gradients of the products of vertices, `[vertices, 2 width]`, from those of arcs.
@@ -659,7 +626,7 @@ pub(crate) fn sum_ends(
     let places = [arcs, first_arc, reverse_arcs, out].map(|region| region.first);
     let mut parameters = vec![width as u32];
     parameters.extend(places);
-    elements(Element::SumEnds, out.count / 2, parameters)
+    elements(elementwise!("sum_ends"), out.count / 2, parameters)
 }
 
 /// One step of gated recurrent units backward.
@@ -672,7 +639,7 @@ pub(crate) fn gates_backward(
 ) -> Launch {
     let before = before.map_or(NONE, |before| before.first);
     let parameters = vec![width as u32, kept.first, before, state.first, out.first];
-    elements(Element::GatesBackward, state.count, parameters)
+    elements(elementwise!("gates_backward"), state.count, parameters)
 }
 
 /// The fate of what was there before.
@@ -717,7 +684,7 @@ impl Dropout {
         let places = [self.cloths, self.rows, self.seeds];
         parameters.extend(places.map(|region| region.first));
         parameters.push(u32::from(onto == Onto::Add));
-        elements(Element::Dropout, from.count, parameters)
+        elements(elementwise!("dropout"), from.count, parameters)
     }
 }
 
@@ -757,12 +724,12 @@ impl Adam {
         let [gradient, squares, rates, norm] =
             [self.gradient, self.squares, self.rates, self.norm].map(|region| region.first);
         let of_pieces = Launch {
-            kernel: Kernel::Squares,
+            kernel: written!("squares": "sums", "squares"),
             parameters: vec![pieces as u32, count as u32, gradient, squares],
             groups: each(pieces),
         };
         let length = Launch {
-            kernel: Kernel::Length,
+            kernel: written!("length": "sums", "length"),
             parameters: vec![pieces as u32, squares, rates, norm],
             groups: [1; 3],
         };
@@ -778,7 +745,7 @@ impl Adam {
         [
             of_pieces,
             length,
-            elements(Element::Adam, count, parameters),
+            elements(elementwise!("adam"), count, parameters),
         ]
     }
 }

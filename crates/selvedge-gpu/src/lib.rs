@@ -21,6 +21,9 @@
 //! Sums run in a fixed order and never use atomics: the same GPU with the same driver gives the same
 //! bytes, and a cloth in a union those that it gives alone.
 
+#[cfg(test)]
+#[path = "../../selvedge-cloth/tests/conformance/mod.rs"]
+mod conformance;
 pub mod gpu;
 mod kernels;
 mod network;

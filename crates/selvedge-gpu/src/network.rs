@@ -258,7 +258,7 @@ impl<'a> Lowering<'a> {
             let last = self.recurrent(kind, frame, states);
             let (x, out) = (self.latent(last).into(), self.activations[kind].normal);
             let name = format!("{path}.linear");
-            self.layer(kind, &name, (x, latent), (out, latent), Epilogue::Bias);
+            self.layer(kind, &name, (x, latent), (out, latent), Epilogue::bias);
             self.norm(kind, &format!("{path}.norm"))
         } else {
             let width = self.width(kind);
@@ -322,7 +322,7 @@ impl<'a> Lowering<'a> {
     fn first_layer(&mut self, kind: Kind, path: &str, x: Pieces, inputs: usize) {
         let out = (self.activations[kind].hidden1, self.spec.latent);
         let name = format!("{path}.0");
-        self.layer(kind, &name, (x, inputs), out, Epilogue::BiasRelu);
+        self.layer(kind, &name, (x, inputs), out, Epilogue::bias_relu);
     }
 
     /// The second and third layer of a perceptron; its output is latent where there is no other.
@@ -332,14 +332,14 @@ impl<'a> Lowering<'a> {
         let x = (self.latent(of.hidden2).into(), latent);
         let out = output.map_or((of.normal, latent), |output| (output, OUTPUTS));
         let name = format!("{path}.4");
-        self.layer(kind, &name, x, out, Epilogue::Bias);
+        self.layer(kind, &name, x, out, Epilogue::bias);
     }
 
     fn second_layer(&mut self, kind: Kind, path: &str) {
         let (of, latent) = (self.activations[kind], self.spec.latent);
         let (x, out) = (self.latent(of.hidden1).into(), (of.hidden2, latent));
         let name = format!("{path}.2");
-        self.layer(kind, &name, (x, latent), out, Epilogue::BiasRelu);
+        self.layer(kind, &name, (x, latent), out, Epilogue::bias_relu);
     }
 
     /// A message-passing block, from the latent rows before it to those after.
@@ -354,12 +354,12 @@ impl<'a> Lowering<'a> {
             self.latent(nodes).into(),
             Pieces::new(weight, latent, weight.columns_from(latent)),
             Matrix::new(ends, 2 * latent),
-            Epilogue::Set,
+            Epilogue::SET,
         ));
-        let epilogue = Epilogue::EndsRelu {
-            bias: self.at(&format!("{path}.0.bias")),
-            of: [ends, graph.senders, graph.receivers],
-        };
+        let epilogue = Epilogue::ends_relu(
+            self.at(&format!("{path}.0.bias")),
+            [ends, graph.senders, graph.receivers],
+        );
         self.launches.push(linear(
             self.sizes(1, latent, latent),
             self.latent(arcs).into(),
@@ -413,7 +413,7 @@ impl<'a> Lowering<'a> {
     fn clear(&mut self, kind: Kind, rows: Region) {
         let rows = self.latent(rows);
         let sizes = self.sizes(kind, self.spec.latent, 0);
-        let launch = linear_to_input(sizes, rows.into(), rows, rows, Epilogue::Set);
+        let launch = linear_to_input(sizes, rows.into(), rows, rows, Epilogue::SET);
         self.launches.push(launch);
     }
 
@@ -496,7 +496,7 @@ impl<'a> Lowering<'a> {
             ("2", (first, latent), of.hidden1, second),
         ] {
             let name = format!("{path}.{layer}");
-            let out = Some((self.latent(out), Epilogue::Mask(x)));
+            let out = Some((self.latent(out), Epilogue::mask(x)));
             let x = (self.latent(x).into(), latent);
             self.layer_backward((kind, &name), gradient, x, out, to);
         }
@@ -517,7 +517,7 @@ impl<'a> Lowering<'a> {
         self.later_layers_backward(0, path, (to.output, OUTPUTS), to);
         let gradient = (self.of_rows(0, to.hidden[1]), latent);
         let x = (self.latent(nodes).into(), latent);
-        let out = Some((self.latent(to.latent[0]), Epilogue::Set));
+        let out = Some((self.latent(to.latent[0]), Epilogue::SET));
         self.layer_backward((0, "decoder.0"), gradient, x, out, to);
     }
 
@@ -534,8 +534,8 @@ impl<'a> Lowering<'a> {
         self.linear_weights(0, &name, (gradient, latent), (x, 2 * latent), to);
         let weight = self.matrix(&format!("{name}.weight"), 2 * latent);
         for (weight, out, epilogue) in [
-            (weight, to.latent[0], Epilogue::Add),
-            (weight.columns_from(latent), to.incoming, Epilogue::Set),
+            (weight, to.latent[0], Epilogue::ADD),
+            (weight.columns_from(latent), to.incoming, Epilogue::SET),
         ] {
             let gradient = (self.latent(gradient).into(), latent);
             let out = (self.latent(out), epilogue);
@@ -601,7 +601,7 @@ impl<'a> Lowering<'a> {
             };
             self.launches.extend(sums.launches());
             let weight = weight.columns_from(part * latent);
-            let out = (self.latent(out), Epilogue::Add);
+            let out = (self.latent(out), Epilogue::ADD);
             self.input_gradient(kind, (gradient.into(), latent), (weight, latent), out);
         }
     }
@@ -613,7 +613,7 @@ impl<'a> Lowering<'a> {
         let gradient = self.of_rows(kind, to.hidden[1]);
         self.later_layers_backward(kind, path, (gradient, latent), to);
         let x = (Matrix::new(frame.input[kind], width).into(), width);
-        let out = (Matrix::new(to.input[kind], width), Epilogue::Set);
+        let out = (Matrix::new(to.input[kind], width), Epilogue::SET);
         let (name, out) = (format!("{path}.0"), to_input.then_some(out));
         self.layer_backward((kind, &name), (gradient, latent), x, out, to);
     }
@@ -635,7 +635,7 @@ impl<'a> Lowering<'a> {
             self.latent(states.layers[1].after[steps - 1]).into(),
             latent,
         );
-        let out = Some((self.latent(by_state[1]), Epilogue::Set));
+        let out = Some((self.latent(by_state[1]), Epilogue::SET));
         self.layer_backward((kind, &name), (gradient, latent), x, out, to);
         self.clear(kind, by_state[0]);
         for step in (0..steps).rev() {
@@ -652,11 +652,11 @@ impl<'a> Lowering<'a> {
             let first = states.layers[0].after[step];
             match &frame.dropout {
                 None => {
-                    let to_x = (self.latent(by_state[0]), Epilogue::Add);
+                    let to_x = (self.latent(by_state[0]), Epilogue::ADD);
                     self.step_backward(back(1, self.latent(first), Some(to_x)), to);
                 }
                 Some(dropout) => {
-                    let to_x = (self.latent(by_between), Epilogue::Set);
+                    let to_x = (self.latent(by_between), Epilogue::SET);
                     let x = self.latent(states.between[step]);
                     self.step_backward(back(1, x, Some(to_x)), to);
                     let dropout = dropout[kind];
@@ -666,7 +666,7 @@ impl<'a> Lowering<'a> {
             }
             let [x, input] = [frame.input[kind], to.input[kind]]
                 .map(|all| Matrix::new(all.part(step, steps), self.width(kind)));
-            let to_x = to_input.then_some((input, Epilogue::Set));
+            let to_x = to_input.then_some((input, Epilogue::SET));
             self.step_backward(back(0, x, to_x), to);
         }
     }
@@ -713,7 +713,7 @@ impl<'a> Lowering<'a> {
             self.launches.extend(weights.launches());
             let to_input = match what {
                 "ih" => to_x,
-                _ => state.map(|_| (self.latent(by_state), Epilogue::Add)),
+                _ => state.map(|_| (self.latent(by_state), Epilogue::ADD)),
             };
             if let Some(out) = to_input {
                 let weight = self.matrix(&name, inputs);

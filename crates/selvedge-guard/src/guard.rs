@@ -63,7 +63,6 @@ pub enum Correction {
 
 impl Correction {
     /// Name, in all fronts: `none` or `limit`.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::None => "none",
@@ -380,21 +379,7 @@ impl<S: Correctable> Guard<S> {
 }
 
 impl<S: Correctable> Stepper for Guard<S> {
-    fn topology(&self) -> &Topology {
-        self.inner.topology()
-    }
-
-    fn handles(&self) -> &Handles {
-        self.inner.handles()
-    }
-
-    fn positions(&self) -> &[Vec3] {
-        self.inner.positions()
-    }
-
-    fn frame(&self) -> usize {
-        self.inner.frame()
-    }
+    selvedge_cloth::delegate_stepper!(self: self.inner, but stop_by);
 
     /// Heard by the inner stepper and by the physics beside it.
     fn stop_by(&mut self, stop: Stop) {
@@ -460,6 +445,7 @@ fn is_callers(error: &StepError) -> bool {
         | StepError::EndOfRecording { .. }
         | StepError::Device { .. }
         | StepError::Snapshot { .. }
+        | StepError::Obstacle { .. }
         | StepError::Stopped { .. } => true,
         StepError::NonFinite { .. }
         | StepError::Solve { .. }

@@ -79,6 +79,9 @@
 //! keeps edges within bounds, and nothing else. It reads no files.
 
 mod carry;
+#[cfg(test)]
+#[path = "../../selvedge-cloth/tests/conformance/mod.rs"]
+mod conformance;
 mod gauge;
 mod guard;
 mod limiter;

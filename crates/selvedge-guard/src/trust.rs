@@ -4,6 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::Measured;
 
+/// Share of frames beyond a guard's bounds from which on a motion is not to be trusted.
+const MOST_BEYOND: f64 = 0.03;
+
 /// Judgement of a frame in one word.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Verdict {
@@ -211,5 +214,38 @@ impl GuardSummary {
     /// Share of the frames that were corrected or replaced.
     pub fn share(&self) -> f64 {
         (self.corrected + self.lost) as f64 / self.frames.max(1) as f64
+    }
+
+    /// The reason not to trust the motion: more than 3 % of its frames were beyond the guard's
+    /// bounds; none otherwise.
+    pub fn doubt_in_words(&self) -> Option<String> {
+        let beyond = self.corrected + self.lost;
+        (self.share() > MOST_BEYOND).then(|| {
+            format!(
+                "{beyond} of {} frames were beyond the guard's bounds, {:.0} %: the model does not know such motion, and the solver does",
+                self.frames,
+                100.0 * self.share()
+            )
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn more_than_three_frames_in_a_hundred_are_a_doubt() {
+        let mut summary = GuardSummary {
+            frames: 100,
+            corrected: 2,
+            lost: 1,
+            ..GuardSummary::default()
+        };
+        assert_eq!(summary.doubt_in_words(), None);
+        summary.corrected = 3;
+        let doubt = summary.doubt_in_words().unwrap();
+        assert!(doubt.starts_with("4 of 100 frames"), "{doubt}");
+        assert_eq!(GuardSummary::default().doubt_in_words(), None);
     }
 }

@@ -251,12 +251,14 @@ impl Ball {
     fn step(&mut self, simulator: &mut Simulator, targets: &HandleTargets) {
         self.velocity -= DVec3::Y * (9.8 / 60.0);
         let next = self.place + self.velocity / 60.0;
-        simulator.lead_obstacle(0, next + DVec3::Y * AWAY);
+        simulator.lead_obstacle(0, next + DVec3::Y * AWAY).unwrap();
         match simulator.step(targets) {
             Ok(()) => self.place = next,
             Err(StepError::Contact { .. } | StepError::Overstretched { .. }) => {
                 self.velocity = DVec3::ZERO;
-                simulator.lead_obstacle(0, self.place + DVec3::Y * AWAY);
+                simulator
+                    .lead_obstacle(0, self.place + DVec3::Y * AWAY)
+                    .unwrap();
                 simulator.step(targets).unwrap();
             }
             Err(error) => panic!("{error}"),

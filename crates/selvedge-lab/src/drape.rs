@@ -385,7 +385,6 @@ fn fabric(order: &FitOrder<'_>, logs: [f64; 4]) -> Material {
 /// Bending length `[m]` of a fabric that curves a little along a direction from u `[degrees]`, the
 /// cube root of bending stiffness over weight: hinges of equilateral triangles in all directions.
 /// `[eq:bending-length]`
-#[must_use]
 pub fn bending_length(material: &Material, degrees: f64) -> f64 {
     const EDGES: usize = 720;
     let stiffness = |edge: usize| {
@@ -405,7 +404,6 @@ pub fn bending_length(material: &Material, degrees: f64) -> f64 {
 
 /// Stretch of a strip of a fabric along a direction from u `[degrees]` under a pull `[N/m]`: the
 /// strain at which energy less work is least, across it free.
-#[must_use]
 pub fn stretch_under(material: &Material, degrees: f64, pull: f64) -> f64 {
     let law = StretchEnergy::new(&material.stretch);
     let (s, c) = degrees.to_radians().sin_cos();

@@ -20,6 +20,8 @@ pub enum FolderKind {
     Evaluation,
     /// The run of a model on a scene.
     Rollout,
+    /// A fit.
+    Fit,
 }
 
 /// The folder of an evaluation with its converged runs.
@@ -28,13 +30,16 @@ pub const REFERENCES: &str = "references";
 pub const ERRORS: &str = "errors.csv";
 /// The trajectory of a rollout.
 pub const ROLLOUT: &str = "rollout.safetensors";
+/// The numbers of a fit.
+pub const FITTED: &str = "fit.json";
 
 impl FolderKind {
-    const ALL: [Self; 4] = [
+    const ALL: [Self; 5] = [
         Self::DataSet,
         Self::Training,
         Self::Evaluation,
         Self::Rollout,
+        Self::Fit,
     ];
 
     /// Files and folders that only a folder of this kind has, and of which it has at least one.
@@ -44,6 +49,7 @@ impl FolderKind {
             Self::Training => &[files::LOG, files::CHECKPOINT],
             Self::Evaluation => &[ERRORS, REFERENCES],
             Self::Rollout => &[ROLLOUT],
+            Self::Fit => &[FITTED],
         }
     }
 
@@ -52,7 +58,7 @@ impl FolderKind {
         match self {
             Self::DataSet => &["train", "test"],
             Self::Evaluation => &[REFERENCES],
-            Self::Training | Self::Rollout => &[],
+            Self::Training | Self::Rollout | Self::Fit => &[],
         }
     }
 
@@ -76,6 +82,7 @@ impl fmt::Display for FolderKind {
             Self::Training => "a training",
             Self::Evaluation => "the report of an evaluation",
             Self::Rollout => "a rollout",
+            Self::Fit => "a fit",
         })
     }
 }
@@ -96,7 +103,6 @@ pub fn make_folder(path: &Path) -> Result<()> {
 
 /// A folder for results, locked against other runs. Folders made for it are removed on drop if
 /// they are empty.
-#[must_use]
 pub struct ClaimedFolder {
     lock: Option<FolderLock>,
     /// The innermost first.

@@ -29,11 +29,15 @@
 //! the program `selvedge` does. It does not know the viewer.
 
 pub mod assets;
+#[cfg(test)]
+#[path = "../../selvedge-cloth/tests/conformance/mod.rs"]
+mod conformance;
 pub mod domain;
 pub mod drape;
 pub mod evaluation;
 pub mod event;
 pub mod expert;
+pub mod fit;
 pub mod folder;
 pub mod generation;
 pub mod machine;

@@ -104,9 +104,9 @@ fn centroid(positions: &[Vec3]) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::conformance::{HandlesEnd, check};
     use glam::{DVec3, Vec2};
     use selvedge_cloth::ClothArrays;
-    use selvedge_cloth::conformance::{HandlesEnd, check};
 
     /// Two triangles, held at vertices 0 and 1.
     fn cloth() -> Cloth {

@@ -93,8 +93,8 @@ fn names(aspects: &[Aspect]) -> String {
 mod tests {
     use std::sync::Arc;
 
+    use crate::conformance::{HandlesEnd, check};
     use glam::DVec3;
-    use selvedge_cloth::conformance::{HandlesEnd, check};
     use selvedge_cloth::{ContactSettings, HandleTargets, Obstacle, Scene, Stepper, bodies};
     use selvedge_guard::{Correction, Guard};
     use selvedge_sim::Simulator;

@@ -95,7 +95,6 @@ impl Hands {
 
     /// Handles that have been led to `positions` `[m]`, their goals, within `dt` `[s]`. Their
     /// velocity stays.
-    #[must_use]
     pub fn led_to(&self, positions: &[DVec3], dt: f64) -> Self {
         let mut led = Self::at(positions);
         for (hand, before) in led.hands.iter_mut().zip(&self.hands) {
@@ -153,7 +152,6 @@ impl Hands {
 
     /// Hands at `positions` `[m]`; a hand with a number in `kept` continues as the hand of that
     /// number.
-    #[must_use]
     pub fn rearranged(&self, positions: &[DVec3], kept: &[Option<usize>]) -> Self {
         let mut changed = Self::at(positions);
         for (hand, before) in changed.hands.iter_mut().zip(kept) {

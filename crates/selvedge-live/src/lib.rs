@@ -35,6 +35,9 @@
 extern crate self as selvedge_live;
 
 mod body;
+#[cfg(test)]
+#[path = "../../selvedge-cloth/tests/conformance/mod.rs"]
+mod conformance;
 mod hand;
 mod live_cloth;
 mod mover;

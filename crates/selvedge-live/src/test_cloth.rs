@@ -321,7 +321,7 @@ impl LiveStepper for ScriptedStepper {
 
 #[test]
 fn puppets_conform() {
-    use selvedge_cloth::conformance::{HandlesEnd, check};
+    use crate::conformance::{HandlesEnd, check};
 
     let influences = Influences {
         handles: cloth().handles().clone(),

@@ -48,6 +48,9 @@ pub struct Domain {
     pub moved_apart: f64,
     /// Largest speed of a handle `[m/s]`.
     pub handle_speed: f64,
+    /// Largest change of a handle's velocity from frame to frame `[m/s²]`; none in older files.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub handle_acceleration: Option<f64>,
     /// Largest speed of the wind `[m/s]`.
     pub wind: f64,
     /// Gravity `[m/s²]`.
@@ -98,7 +101,6 @@ impl Bounds {
     }
 
     /// Bounds of both.
-    #[must_use]
     pub fn and(self, other: Self) -> Self {
         Self {
             least: self.least.min(other.least),
@@ -223,6 +225,10 @@ impl Domain {
         self.height_difference = self.height_difference.max(other.height_difference);
         self.moved_apart = self.moved_apart.max(other.moved_apart);
         self.handle_speed = self.handle_speed.max(other.handle_speed);
+        self.handle_acceleration = [self.handle_acceleration, other.handle_acceleration]
+            .into_iter()
+            .flatten()
+            .reduce(f64::max);
         self.wind = self.wind.max(other.wind);
         self.gravity = self.gravity.and(other.gravity);
         self.contact |= other.contact;
@@ -244,6 +250,8 @@ pub struct DomainWatch {
     up: DVec3,
     /// Handles in the frame before, and which of them held.
     before: Vec<(DVec3, bool)>,
+    /// Their velocities there `[m/s]`; none of those that have not held for two frames.
+    velocities: Vec<Option<DVec3>>,
     /// Handles when the present set of them took hold.
     together: Vec<(DVec3, bool)>,
 }
@@ -264,6 +272,7 @@ impl DomainWatch {
             height_difference: 0.0,
             moved_apart: 0.0,
             handle_speed: 0.0,
+            handle_acceleration: Some(0.0),
             wind: 0.0,
             gravity: Bounds::of(gravity.length()),
             fabrics: None,
@@ -274,6 +283,7 @@ impl DomainWatch {
             seen: nothing,
             up: -gravity.normalize_or_zero(),
             before: Vec::new(),
+            velocities: Vec::new(),
             together: Vec::new(),
         }
     }
@@ -320,16 +330,22 @@ impl DomainWatch {
         let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), y| {
             (low.min(y), high.max(y))
         });
-        let speeds = self.before.iter().zip(&frame).filter(|(a, b)| a.1 && b.1);
-        let speed = speeds
-            .map(|(before, now)| now.0.distance(before.0) * rate)
-            .fold(0.0, f64::max);
+        let pairs = self.before.iter().zip(&frame);
+        let velocities: Vec<Option<DVec3>> = pairs
+            .map(|(a, b)| (a.1 && b.1).then(|| (b.0 - a.0) * rate))
+            .collect();
+        let speeds = velocities.iter().flatten().map(|v| v.length());
+        let changes = self.velocities.iter().zip(&velocities);
+        let accelerations =
+            changes.filter_map(|(a, b)| Some((*b.as_ref()? - (*a)?).length() * rate));
         self.now.handles = Bounds::of(holding.count() as f64);
         self.now.height_difference = (high - low).max(0.0);
         self.now.moved_apart = moved_apart(&self.together, &frame);
-        self.now.handle_speed = speed;
+        self.now.handle_speed = speeds.fold(0.0, f64::max);
+        self.now.handle_acceleration = Some(accelerations.fold(0.0, f64::max));
         self.now.wind = wind.length();
         self.before = frame;
+        self.velocities = velocities;
         self.seen.include(&self.now);
     }
 

@@ -72,6 +72,9 @@
 //! is an error of the step. Results on one machine do not depend on the number of threads; other
 //! instruction sets change the last bits.
 
+#[cfg(test)]
+#[path = "../../selvedge-cloth/tests/conformance/mod.rs"]
+mod conformance;
 mod domain;
 mod features;
 mod graph;

@@ -76,7 +76,6 @@ impl Error {
     }
 
     /// Returns true where the listener asked for the end.
-    #[must_use]
     pub fn is_stopped(&self) -> bool {
         matches!(
             self,

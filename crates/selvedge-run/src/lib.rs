@@ -115,7 +115,6 @@ pub mod parts {
 pub(crate) const MADE_BY: &str = concat!("selvedge ", env!("CARGO_PKG_VERSION"));
 
 /// Positions in f32, as files have them.
-#[must_use]
 pub fn rounded(positions: &[DVec3]) -> Vec<Vec3> {
     positions.iter().map(|p| p.as_vec3()).collect()
 }

@@ -4,13 +4,11 @@ mod gradients;
 
 #[cfg(feature = "files")]
 use std::ops::ControlFlow;
+use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{
-    HandlePath, HandleTargets, Handles, Impulse, Rigid, Snapshot, StepError, Stepper, Stop,
-    Topology,
-};
+use selvedge_cloth::{HandlePath, HandleTargets, Impulse, Rigid, Snapshot, StepError, Stepper};
 #[cfg(feature = "files")]
 use selvedge_data::{Recording, Trajectory};
 #[cfg(feature = "learned")]
@@ -50,8 +48,10 @@ enum Mover {
     Other(Box<dyn Stepper + Send + Sync>),
 }
 
-impl Mover {
-    fn stepper(&self) -> &(dyn Stepper + Send) {
+impl Deref for Mover {
+    type Target = dyn Stepper + Send;
+
+    fn deref(&self) -> &Self::Target {
         match self {
             Self::Solver(solver) => solver.as_ref(),
             #[cfg(feature = "learned")]
@@ -59,8 +59,10 @@ impl Mover {
             Self::Other(other) => other.as_ref(),
         }
     }
+}
 
-    fn stepper_mut(&mut self) -> &mut (dyn Stepper + Send) {
+impl DerefMut for Mover {
+    fn deref_mut(&mut self) -> &mut Self::Target {
         match self {
             Self::Solver(solver) => solver.as_mut(),
             #[cfg(feature = "learned")]
@@ -207,8 +209,8 @@ impl Run {
             #[cfg(feature = "learned")]
             beyond: Vec::new(),
         };
-        run.first = run.mover.stepper().frame();
-        run.before = run.mover.stepper().positions().to_vec();
+        run.first = run.mover.frame();
+        run.before = run.mover.positions().to_vec();
         run.strain.begin(&run.before);
         run.beginning = run.snapshot();
         Ok(run)
@@ -233,9 +235,9 @@ impl Run {
             Mover::Solver(_) => Vec::new(),
             _ => self.positions().to_vec(),
         };
-        self.mover.stepper_mut().step(targets)?;
+        self.mover.step(targets)?;
         self.before = last;
-        self.strain.see(self.mover.stepper().positions());
+        self.strain.see(self.mover.positions());
         Ok(())
     }
 
@@ -245,11 +247,10 @@ impl Run {
     /// # Errors
     /// [`StepError::Handles`] for a target that is not finite, or too far away.
     pub fn next_targets(&mut self, samples: usize) -> Result<HandleTargets, StepError> {
-        self.path.next(self.mover.stepper(), samples)
+        self.path.next(&*self.mover, samples)
     }
 
     /// Targets per frame along the scene's motion: one per substep of the solver, else one.
-    #[must_use]
     pub fn samples(&self) -> usize {
         match self.mover {
             Mover::Solver(_) => self.scene.built().physics.substeps as usize,
@@ -258,13 +259,11 @@ impl Run {
     }
 
     /// Positions of the newest frame `[m]`, `[vertices]`, in single precision.
-    #[must_use]
     pub fn positions(&self) -> &[Vec3] {
-        self.mover.stepper().positions()
+        self.mover.positions()
     }
 
     /// Positions `[m]`, `[vertices]`, in double precision where the solver moves the cloth.
-    #[must_use]
     pub fn positions_f64(&self) -> Vec<DVec3> {
         match &self.mover {
             Mover::Solver(solver) => solver.positions_f64().to_vec(),
@@ -274,7 +273,6 @@ impl Run {
 
     /// Velocities `[m/s]`, `[vertices]`: those of the solver's state, otherwise the way of the last
     /// frame over its time.
-    #[must_use]
     pub fn velocities(&self) -> Vec<DVec3> {
         if let Mover::Solver(solver) = &self.mover {
             return solver.velocities_f64().to_vec();
@@ -287,9 +285,8 @@ impl Run {
     }
 
     /// Number of the newest frame in the motion: 0 at its beginning.
-    #[must_use]
     pub fn frame(&self) -> usize {
-        self.mover.stepper().frame()
+        self.mover.frame()
     }
 
     /// Frames of the scene's motion after the one in which the run began.
@@ -301,13 +298,11 @@ impl Run {
     }
 
     /// The scene.
-    #[must_use]
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
 
     /// The solver; none where something else moves the cloth.
-    #[must_use]
     pub fn solver(&self) -> Option<&Simulator> {
         match &self.mover {
             Mover::Solver(solver) => Some(solver),
@@ -324,7 +319,6 @@ impl Run {
 
     /// The guard of a network; none where something else moves the cloth.
     #[cfg(feature = "learned")]
-    #[must_use]
     pub fn guard(&self) -> Option<&Guard<crate::machine::Mover>> {
         match &self.mover {
             Mover::Model(guard) => Some(guard),
@@ -334,26 +328,22 @@ impl Run {
 
     /// The guard's word on the newest frame; none without a guard.
     #[cfg(feature = "learned")]
-    #[must_use]
     pub fn trust(&self) -> Option<&Trust> {
         self.guard().map(Guard::trust)
     }
 
     /// The sagged rest pose, where the run began there.
-    #[must_use]
     pub fn rest(&self) -> Option<&SaggedRest> {
         self.rest.as_deref()
     }
 
     /// What was done to the cloth before its motion, a line each.
-    #[must_use]
     pub fn remarks(&self) -> &[String] {
         &self.remarks
     }
 
     /// All that is to be known of this run so far, a line each: warnings of the scene, of its start,
     /// of what a network does not see and was not trained on, and of its frames.
-    #[must_use]
     pub fn warnings(&self) -> Vec<String> {
         let mut all = self.scene.warnings().to_vec();
         all.extend_from_slice(self.start_warnings());
@@ -364,14 +354,12 @@ impl Run {
     }
 
     /// Warnings of the start, and of what a network does not do of its scene.
-    #[must_use]
     pub fn start_warnings(&self) -> &[String] {
         &self.warnings
     }
 
     /// Warnings of the frames so far: bodies that were let through, edges strained by more than
     /// fabrics are measured for, and a guard whose solver failed.
-    #[must_use]
     pub fn frame_warnings(&self) -> Vec<String> {
         let scene = self.scene.built();
         let through = self.solver().map(Simulator::yielded).unwrap_or_default();
@@ -388,10 +376,10 @@ impl Run {
     }
 
     /// The state now, for [`Self::restore`]; none of a stepper that cannot go back.
-    #[must_use]
     pub fn snapshot(&self) -> Option<Snapshot> {
         Some(Snapshot::of(State {
-            mover: self.mover.stepper().snapshot()?,
+            scene: self.scene.clone(),
+            mover: self.mover.snapshot()?,
             path: self.path.clone(),
             before: self.before.clone(),
             strain: self.strain.clone(),
@@ -404,8 +392,11 @@ impl Run {
     /// # Errors
     /// [`StepError::Snapshot`] for one of another scene or mover; the run is as it was.
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), StepError> {
-        let state: &State = snapshot.get(self.frame(), |_| true)?;
-        self.mover.stepper_mut().rewind(&state.mover)?;
+        let state: &State = snapshot.get(self.frame(), |state: &State| {
+            let (own, other) = (self.scene.built(), state.scene.built());
+            std::ptr::eq(own, other) || own == other
+        })?;
+        self.mover.rewind(&state.mover)?;
         self.path.clone_from(&state.path);
         self.before.clone_from(&state.before);
         self.strain.clone_from(&state.strain);
@@ -427,30 +418,41 @@ impl Run {
     /// handles by [`Self::step_to`].
     ///
     /// # Errors
-    /// Where the cloth would meet an obstacle, or a network moves it; the cloth is as it was.
+    /// Where the cloth would meet an obstacle, for the number of none, or where a network moves it; the
+    /// cloth is as it was.
     pub fn teleport(&mut self, to: Rigid, along: &[usize]) -> Result<(), StepError> {
-        self.mover.stepper_mut().teleport(to, along)?;
-        self.before = self.mover.stepper().positions().to_vec();
+        self.mover.teleport(to, along)?;
+        self.before = self.mover.positions().to_vec();
         Ok(())
     }
 
     /// Leads the obstacle of this number in the next frame away from its own path, by a distance
-    /// `[m]` or a rigid motion; it stays there until it is led on. Without a solver nothing is led.
-    pub fn lead_obstacle(&mut self, number: usize, away: impl Into<Rigid>) {
-        if let Mover::Solver(solver) = &mut self.mover {
-            solver.lead_obstacle(number, away);
+    /// `[m]` or a rigid motion; it stays there until it is led on.
+    ///
+    /// # Errors
+    /// [`StepError::Obstacle`] for the number of no obstacle, and for all where no solver moves the cloth.
+    pub fn lead_obstacle(
+        &mut self,
+        number: usize,
+        away: impl Into<Rigid>,
+    ) -> Result<(), StepError> {
+        match &mut self.mover {
+            Mover::Solver(solver) => solver.lead_obstacle(number, away),
+            _ => Err(StepError::Obstacle {
+                frame: self.frame(),
+                number,
+                count: 0,
+            }),
         }
     }
 
     /// What each obstacle received from the cloth over the last frame, `[obstacles]`: over the time of
     /// a frame, the force on it. None without a solver, or without contact.
-    #[must_use]
     pub fn impulses(&self) -> &[Impulse] {
         self.solver().map_or(&[], Simulator::received)
     }
 
     /// Points of all obstacles now `[m]`, those of the first one first.
-    #[must_use]
     pub fn obstacle_points(&self) -> Vec<DVec3> {
         let scene = self.scene.built();
         match self.solver() {
@@ -490,6 +492,7 @@ impl Run {
 
 /// A snapshot of a run.
 struct State {
+    scene: Scene,
     mover: Snapshot,
     path: HandlePath,
     before: Vec<Vec3>,
@@ -498,32 +501,10 @@ struct State {
 
 /// A run takes the place of any stepper.
 impl Stepper for Run {
-    fn topology(&self) -> &Topology {
-        self.mover.stepper().topology()
-    }
-
-    fn handles(&self) -> &Handles {
-        self.mover.stepper().handles()
-    }
-
-    fn positions(&self) -> &[Vec3] {
-        self.mover.stepper().positions()
-    }
-
-    fn frame(&self) -> usize {
-        self.mover.stepper().frame()
-    }
-
-    fn handle_places(&self) -> Vec<DVec3> {
-        self.mover.stepper().handle_places()
-    }
+    selvedge_cloth::delegate_stepper!(self: self.mover);
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
         self.step_to(targets)
-    }
-
-    fn stop_by(&mut self, stop: Stop) {
-        self.mover.stepper_mut().stop_by(stop);
     }
 
     fn snapshot(&self) -> Option<Snapshot> {

@@ -56,7 +56,6 @@ impl Scene {
 
     /// A scene made in code. Its motion begins in the sagged rest pose, in which it hangs from its
     /// handles; without handles where the mesh stands.
-    #[must_use]
     pub fn of(built: Built) -> Self {
         if built.handles.is_empty() {
             let positions = built.mesh.positions().to_vec();
@@ -67,13 +66,11 @@ impl Scene {
     }
 
     /// A scene made in code that begins at `positions` `[m]`, `[vertices]`, at rest.
-    #[must_use]
     pub fn at(built: Built, positions: Vec<DVec3>) -> Self {
         Self::in_state(built, Checkpoint::at_rest(positions))
     }
 
     /// A scene made in code that begins in a state of the solver.
-    #[must_use]
     pub fn in_state(built: Built, state: Checkpoint) -> Self {
         Self::begun(built, Begins::State(Box::new(state)))
     }
@@ -98,20 +95,17 @@ impl Scene {
     }
 
     /// What is run.
-    #[must_use]
     pub fn built(&self) -> &Arc<Built> {
         &self.0.built
     }
 
     /// The resolved scene, as results carry it; none of a scene that was made in code.
     #[cfg(feature = "files")]
-    #[must_use]
     pub fn spec(&self) -> Option<&SceneSpec> {
         self.0.spec.as_ref()
     }
 
     /// Warnings of what the scene asks for and cannot have, or hardly means.
-    #[must_use]
     pub fn warnings(&self) -> &[String] {
         &self.0.warnings
     }
@@ -131,13 +125,11 @@ impl Scene {
     }
 
     /// Returns true where the motion begins in the sagged rest pose.
-    #[must_use]
     pub fn begins_at_rest(&self) -> bool {
         matches!(self.0.begins, Begins::Rest)
     }
 
     /// The same scene, beginning in its sagged rest pose.
-    #[must_use]
     pub fn at_rest(&self) -> Self {
         if self.begins_at_rest() {
             return self.clone();
@@ -153,7 +145,6 @@ impl Scene {
     }
 
     /// The same scene, beginning in a state of the solver.
-    #[must_use]
     pub fn from_state(&self, state: Checkpoint) -> Self {
         Self(Arc::new(self.beginning(Begins::State(Box::new(state)))))
     }
@@ -220,7 +211,6 @@ impl From<LoadedScene> for Scene {
 #[cfg(feature = "files")]
 impl Scene {
     /// A scene that was read, and changed since: `spec` is what results say of where they are from.
-    #[must_use]
     pub fn of_loaded(loaded: LoadedScene, spec: Option<SceneSpec>) -> Self {
         let begins = match (loaded.state, loaded.spec.start) {
             (Some(state), _) => Begins::State(Box::new(state)),

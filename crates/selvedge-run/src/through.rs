@@ -44,7 +44,6 @@ impl std::fmt::Display for LetThrough {
 }
 
 /// The bodies that were let through in a run, by the obstacles that pressed the cloth.
-#[must_use]
 pub fn let_through(scene: &Scene, yielded: &[YieldedContact]) -> Vec<LetThrough> {
     let name = |body: u32| {
         let number = (body as usize).checked_sub(1)?;

@@ -42,15 +42,11 @@ pub struct Simulator {
     /// The start of the frame, and that of the part of it under way, where contact may take the
     /// cloth back there.
     starts: [Snapshot; 2],
-    /// The active handles before the last step where they were others, while it can be undone.
-    undo: Option<Option<ActiveHandles>>,
     rounded: Vec<Vec3>,
     frame: usize,
     divided: DividedFrames,
     /// Targets of the handles at the end of the last frame `[m]`, `[handles]`.
     reached: Vec<DVec3>,
-    /// The same one frame before, while that can be undone.
-    reached_before: Vec<DVec3>,
     /// Targets of the active handles `[m]`.
     targets: Vec<DVec3>,
     threads: Threads,
@@ -60,6 +56,8 @@ pub struct Simulator {
     contact: Option<Box<Contact>>,
     /// The steps, where someone wants their gradient.
     recording: Option<Box<gradient::Recording>>,
+    /// The call that ended the last recording.
+    recording_ended_by: Option<&'static str>,
 }
 
 /// Work since the start, by what it came to.
@@ -107,7 +105,6 @@ impl Simulator {
         Ok(Self {
             rounded: vec![Vec3::ZERO; vertices],
             reached: scene.handles.select(positions),
-            reached_before: scene.handles.select(positions),
             targets: vec![DVec3::ZERO; scene.handles.len()],
             state: State {
                 positions: positions.to_vec(),
@@ -115,7 +112,6 @@ impl Simulator {
             },
             history: History::none(vertices),
             starts: [Snapshot::new(vertices), Snapshot::new(vertices)],
-            undo: None,
             frame: 0,
             divided: DividedFrames::default(),
             threads: Threads::Pool,
@@ -123,6 +119,7 @@ impl Simulator {
             edges: WatchedEdges::new(&scene.mesh, &scene.handles),
             contact: Contact::of(scene, active.system.mass()).map(Box::new),
             recording: None,
+            recording_ended_by: None,
             scene: scene.clone(),
             active,
         })
@@ -131,10 +128,8 @@ impl Simulator {
     /// The same cloth with frames counted from `frame`: the next step has the targets, the wind and
     /// the releases of that frame of the scene. All handles count as on their paths; for a run that
     /// is taken up again see [`Self::taken_up_at`].
-    #[must_use]
     pub fn at_frame(mut self, frame: usize) -> Self {
         self.frame = frame;
-        self.undo = None;
         self.update_wind();
         self
     }
@@ -194,25 +189,21 @@ impl Simulator {
     }
 
     /// Positions now `[m]`, `[vertices]`.
-    #[must_use]
     pub fn positions_f64(&self) -> &[DVec3] {
         &self.state.positions
     }
 
     /// Velocities now `[m/s]`, `[vertices]`.
-    #[must_use]
     pub fn velocities_f64(&self) -> &[DVec3] {
         &self.state.velocities
     }
 
     /// Mass of each vertex `[kg]`, `[vertices]`.
-    #[must_use]
     pub fn vertex_mass(&self) -> &[f64] {
         self.active.system.mass()
     }
 
     /// Kinetic energy Σ m |v|²/2 `[J]`.
-    #[must_use]
     pub fn kinetic_energy(&self) -> f64 {
         self.vertex_mass()
             .iter()
@@ -223,7 +214,6 @@ impl Simulator {
 
     /// Energy of the cloth in its elements and in gravity, -Σ m g·x, `[J]`; none with a law that
     /// has no energy. Contact, springs of handles and the air are not in it.
-    #[must_use]
     pub fn potential_energy(&self) -> Option<f64> {
         let positions = &self.state.positions;
         let gravity = self.scene.environment.gravity;
@@ -233,7 +223,6 @@ impl Simulator {
     }
 
     /// Work since the start, by what it came to.
-    #[must_use]
     pub fn stats(&self) -> StepStats {
         let contact = self.contact.as_ref();
         StepStats {
@@ -244,7 +233,6 @@ impl Simulator {
     }
 
     /// Iterations of the last linear solve; none if it was a complete factorisation.
-    #[must_use]
     pub fn solver_iterations(&self) -> Option<u32> {
         self.active.system.iterations()
     }
@@ -267,10 +255,9 @@ impl Simulator {
                 source: HandleError::Count { expected, found },
             });
         }
-        self.stop_recording();
+        self.end_recording("`substep`");
         self.wake();
         self.save(FRAME);
-        self.undo = None;
         self.update_wind();
         self.active.put_targets(&mut self.targets, |h| targets[h]);
         let threads = self.enter();

@@ -7,8 +7,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use glam::Vec3;
-use safetensors::{Dtype, SafeTensorError, SafeTensors};
-use selvedge_data::{Dataset, TensorOut, TensorValues, WriteError, read_header, write_tensors};
+use selvedge_data::{ArrayFile, Dataset, TensorOut, TensorValues, WriteError, write_tensors};
 use selvedge_model::{ModelSpec, RunningStatistics, edge_groups, node_groups};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -149,21 +148,16 @@ fn histories(slots: &[Slot]) -> impl Iterator<Item = TensorOut<'_>> {
 
 struct CheckpointFile<'a> {
     path: &'a Path,
-    tensors: SafeTensors<'a>,
+    arrays: ArrayFile<'a>,
     metadata: HashMap<String, String>,
 }
 
 impl<'a> CheckpointFile<'a> {
     fn open(path: &'a Path, bytes: &'a [u8]) -> Result<Self, ResumeError> {
         let shown = path.display();
-        let container = |source: SafeTensorError| {
-            ResumeError::File(format!(
-                "{shown} is not a whole safetensors file ({source})"
-            ))
-        };
-        let header = read_header(bytes).map_err(container)?;
-        let tensors = SafeTensors::deserialize(bytes).map_err(container)?;
-        let metadata = header.metadata().clone().unwrap_or_default();
+        let read = ArrayFile::safetensors(bytes);
+        let (arrays, metadata) =
+            read.map_err(|problem| ResumeError::File(format!("{shown} {problem}")))?;
         for (key, expected) in [("format", CHECKPOINT_FORMAT), ("version", VERSION)] {
             let found = metadata.get(key);
             if found.map(String::as_str) != Some(expected) {
@@ -175,7 +169,7 @@ impl<'a> CheckpointFile<'a> {
         }
         Ok(Self {
             path,
-            tensors,
+            arrays,
             metadata,
         })
     }
@@ -240,16 +234,11 @@ impl<'a> CheckpointFile<'a> {
         Ok(())
     }
 
-    fn numbers(&self, name: &str, count: usize) -> Result<Vec<f32>, ResumeError> {
-        let view = self.tensors.tensor(name);
-        let view = view.map_err(|error| self.content(name, error))?;
-        if view.dtype() != Dtype::F32 || view.shape().iter().product::<usize>() != count {
-            let (dtype, shape) = (view.dtype(), view.shape());
-            let problem = format!("{dtype:?} {shape:?}, expected {count} × F32");
-            return Err(self.content(name, problem));
-        }
-        let chunks = view.data().as_chunks().0.iter();
-        let values: Vec<f32> = chunks.map(|bytes| f32::from_le_bytes(*bytes)).collect();
+    fn numbers(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>, ResumeError> {
+        let shape: Vec<_> = shape.iter().copied().map(Some).collect();
+        let array = self.arrays.singles(name);
+        let array = array.and_then(|array| array.of_shape(&shape));
+        let values = array.map_err(|problem| self.content(name, problem))?.values;
         match values.iter().position(|x| !x.is_finite()) {
             Some(index) => Err(self.content(name, format!("entry {index} is not finite"))),
             None => Ok(values),
@@ -258,7 +247,7 @@ impl<'a> CheckpointFile<'a> {
 
     /// `count` weights, and the optimiser after so many steps.
     fn learned(&self, cfg: &TrainConfig, count: usize, steps: u64) -> Result<Learned, ResumeError> {
-        let numbers = |name| self.numbers(name, count);
+        let numbers = |name| self.numbers(name, &[count]);
         let [first, second] = [numbers("first_moment")?, numbers("second_moment")?];
         let adam = Adam::resume(cfg.optimizer, first, second, steps);
         let averaged = cfg.weight_average.map(|_| numbers("averaged"));
@@ -287,7 +276,7 @@ impl<'a> CheckpointFile<'a> {
         }
         let vertices = set.motion(section.trajectory).graph.vertex_count();
         let frames = cfg.model.history();
-        let numbers = self.numbers(&history_name(number), frames * vertices * 3)?;
+        let numbers = self.numbers(&history_name(number), &[frames, vertices, 3])?;
         let points = numbers.as_chunks().0.iter().copied().map(Vec3::from_array);
         let positions: Vec<Vec3> = points.collect();
         let history = positions.chunks_exact(vertices);

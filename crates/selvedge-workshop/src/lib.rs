@@ -5,6 +5,9 @@
 
 mod bodies;
 mod cloth;
+#[cfg(test)]
+#[path = "../../selvedge-cloth/tests/conformance/mod.rs"]
+mod conformance;
 mod movers;
 mod workshop;
 

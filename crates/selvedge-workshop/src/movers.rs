@@ -74,13 +74,18 @@ impl LivePhysics {
     /// Leads all bodies there, away from their own paths, `[obstacles]`.
     fn lead_bodies(&mut self, offsets: &[Rigid]) {
         for (number, offset) in offsets.iter().enumerate() {
-            self.simulator.lead_obstacle(number, *offset);
+            self.lead(number, *offset);
         }
+    }
+
+    /// Leads a body; a scene without contact has none to lead.
+    fn lead(&mut self, number: usize, offset: impl Into<Rigid>) {
+        let _ = self.simulator.lead_obstacle(number, offset);
     }
 }
 
 impl Stepper for LivePhysics {
-    selvedge_cloth::delegate_stepper!(simulator);
+    selvedge_cloth::delegate_stepper!(self: self.simulator);
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
         self.was_blocked = false;
@@ -131,7 +136,7 @@ impl LiveStepper for LivePhysics {
     }
 
     fn lead_body(&mut self, number: usize, offset: DVec3) {
-        self.simulator.lead_obstacle(number, offset);
+        self.lead(number, offset);
     }
 
     fn put_body(&mut self, number: usize, offset: DVec3) -> Result<(), LiveError> {
@@ -215,7 +220,7 @@ impl LiveModel {
 }
 
 impl Stepper for LiveModel {
-    selvedge_cloth::delegate_stepper!(stepper);
+    selvedge_cloth::delegate_stepper!(self: self.stepper);
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
         self.stepper.step(targets)?;
@@ -260,7 +265,7 @@ impl LiveStepper for LiveModel {
 mod tests {
     use super::*;
     use crate::SceneWorkshop;
-    use selvedge_cloth::conformance::{HandlesEnd, check};
+    use crate::conformance::{HandlesEnd, check};
     use selvedge_live::{MoverKind, Order, ReadyCloth, Start, Workshop};
     use std::ops::ControlFlow;
 

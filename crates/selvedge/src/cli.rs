@@ -6,6 +6,7 @@ mod documents_tests;
 mod drape;
 mod eval;
 mod export;
+mod fit;
 mod run;
 mod view;
 
@@ -22,6 +23,7 @@ pub(crate) use self::device::DeviceArgs;
 pub(crate) use self::drape::{DrapeCommand, DrapeFitArgs, DrapeTestArgs, DrapedArgs};
 pub(crate) use self::eval::EvalArgs;
 pub(crate) use self::export::{ExportArgs, FormatName};
+pub(crate) use self::fit::FitArgs;
 pub(crate) use self::run::{RunArgs, StartChoice};
 pub(crate) use self::view::{Shown, ViewArgs};
 use crate::output::Reader;
@@ -88,6 +90,7 @@ pub(crate) enum Command {
     Eval(Box<EvalArgs>),
     #[command(subcommand)]
     Drape(DrapeCommand),
+    Fit(FitArgs),
     Info(InfoArgs),
     List(ListArgs),
     #[command(subcommand)]

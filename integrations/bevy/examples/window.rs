@@ -41,6 +41,11 @@ fn dress(world: &mut World) -> Result {
     world
         .entity_mut(cape)
         .insert((MeshMaterial3d(red), NoFrustumCulling));
+    // What hangs on them is seen where they are.
+    let mut parts = world.query_filtered::<Entity, Or<(With<cape::Character>, With<cape::Bone>)>>();
+    for part in parts.iter(world).collect::<Vec<_>>() {
+        world.entity_mut(part).insert(Visibility::default());
+    }
     let mut bones = world.query::<(Entity, &cape::Bone)>();
     let bones: Vec<_> = bones
         .iter(world)

@@ -117,7 +117,7 @@ impl Cloth {
             self.last[0] = anchor;
             self.catching_up = self.catching_up.saturating_sub(1);
             for (body, place) in self.last[1..].iter().enumerate() {
-                self.run.lead_obstacle(body, *place);
+                self.run.lead_obstacle(body, *place)?;
             }
             let targets = self.held.iter().map(|p| anchor.of(*p)).collect();
             let frame = self.run.frame() + 1;

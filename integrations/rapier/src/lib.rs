@@ -92,7 +92,8 @@ impl World {
         loop {
             for body in &self.bodies {
                 let now = place(&self.rapier.bodies[body.handle]);
-                self.run.lead_obstacle(body.number, now.after(&body.begin));
+                self.run
+                    .lead_obstacle(body.number, now.after(&body.begin))?;
             }
             self.run.step_to(targets)?;
             self.steps += 1;

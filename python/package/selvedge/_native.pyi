@@ -248,12 +248,13 @@ class Stepper:
         it the obstacles of the numbers `bodies`; its velocities turn along. The next targets begin
         from there.
 
-        Raises `FrameError` where it would meet an obstacle, or is moved by a model; it stays then.
-        """
+        Raises `FrameError` where it would meet an obstacle, or is moved by a model, and `ValueError` for
+        the number of no obstacle; it stays then."""
     def lead_body(self, body: int, matrix: ArrayLike) -> None:
         """Leads the obstacle of this number, from 0, in the next frame away from its own path, by the
         rigid motion of a matrix (4, 4); it stays there until it is led on. Only the solver has them.
-        """
+
+        Raises `ValueError` for the number of no obstacle."""
     @property
     def impulses(self) -> NDArray[np.float64]:
         """Momentum [N s] and angular momentum about the origin [N m s] that each body received in the last
@@ -316,7 +317,7 @@ class Simulator(Stepper):
         """Positions of the state [m], (n, 3), a float64 copy."""
     def state_velocities(self) -> NDArray[np.float64]:
         """Velocities of the state [m/s], (n, 3), a float64 copy."""
-    def record_gradient(self, memory: int = 134217728) -> None:
+    def record_gradient(self, memory: int = 100663296) -> None:
         """Records the steps from here on, so that `backward` can differentiate them; they keep their
         bytes. `restore` and `reset` end the recording. Beyond `memory` bytes the oldest frames are
         computed again.
@@ -505,6 +506,10 @@ class Rollout:
     @property
     def summary(self) -> dict[str, Any]:
         """The guard's words summed up."""
+    @property
+    def doubt(self) -> str | None:
+        """The reason not to trust the motion, in words: more than 3 % of its frames were beyond the guard's
+        bounds; `None` otherwise."""
     @property
     def beyond(self) -> list[str] | None:
         """Parts of the scene that the model was not trained on, in words; `None` where its file does

@@ -59,9 +59,8 @@ impl Cloth {
     /// rigid motion of a 4×4 matrix, by columns.
     #[wasm_bindgen(js_name = leadBody)]
     pub fn lead_body(&mut self, body: usize, matrix: &[f64]) -> Result<(), JsError> {
-        self.run
-            .lead_obstacle(body, Rigid::try_from(matrix).map_err(js_error)?);
-        Ok(())
+        let away = Rigid::try_from(matrix).map_err(js_error)?;
+        self.run.lead_obstacle(body, away).map_err(js_error)
     }
 
     /// Sets the cloth elsewhere, and with it the bodies of these numbers, by such a matrix.

@@ -13,6 +13,8 @@ mod cards;
 mod dependencies;
 mod equations;
 mod graph;
+mod markdown;
+mod quick;
 mod quotes;
 mod summary;
 mod tree;

@@ -5,10 +5,9 @@ use std::ffi::c_char;
 
 use selvedge::{Run, Stepper};
 
-use crate::border::{call, put, put_all, put_text};
-use crate::cloth::STEPPERS;
+use crate::border::{put, put_all, put_text};
+use crate::cloth::with;
 use crate::fault::Fault;
-use crate::registry::lock;
 use crate::status::SelvedgeStatus;
 use crate::steppers::SelvedgeStepper;
 use crate::trust::SelvedgeTrust;
@@ -91,13 +90,12 @@ pub unsafe extern "C" fn selvedge_copy_positions(
     out: *mut f32,
     vertices: usize,
 ) -> SelvedgeStatus {
-    with(stepper, |cloth| {
-        let positions = cloth.positions();
-        check("vertices", positions.len(), vertices)?;
-        let numbers: Vec<f32> = positions.iter().flat_map(|p| p.to_array()).collect();
-        // SAFETY: as for this function, and the count is the cloth's.
-        unsafe { put_all(out, "out", numbers.into_iter()) }
-    })
+    // SAFETY: as for this function.
+    unsafe {
+        copy(stepper, out, ("vertices", vertices), |cloth| {
+            cloth.positions().iter().map(|p| p.to_array()).collect()
+        })
+    }
 }
 
 /// Copies the positions `[m]` to `out`, `[vertices][3]`: those of the state of the physics, which
@@ -111,13 +109,12 @@ pub unsafe extern "C" fn selvedge_copy_positions_f64(
     out: *mut f64,
     vertices: usize,
 ) -> SelvedgeStatus {
-    with(stepper, |cloth| {
-        let positions = cloth.positions_f64();
-        check("vertices", positions.len(), vertices)?;
-        let numbers: Vec<f64> = positions.iter().flat_map(|p| p.to_array()).collect();
-        // SAFETY: as for this function, and the count is the cloth's.
-        unsafe { put_all(out, "out", numbers.into_iter()) }
-    })
+    // SAFETY: as for this function.
+    unsafe {
+        copy(stepper, out, ("vertices", vertices), |cloth| {
+            cloth.positions_f64().iter().map(|p| p.to_array()).collect()
+        })
+    }
 }
 
 /// Copies what each body of the scene received from the cloth in the last frame to `out`, `[bodies][6]`:
@@ -132,14 +129,16 @@ pub unsafe extern "C" fn selvedge_copy_impulses(
     out: *mut f64,
     bodies: usize,
 ) -> SelvedgeStatus {
-    with(stepper, |cloth| {
-        let received = cloth.impulses();
-        check("bodies", received.len(), bodies)?;
-        let both = received.iter().flat_map(|one| [one.linear, one.angular]);
-        let numbers: Vec<f64> = both.flat_map(|vector| vector.to_array()).collect();
-        // SAFETY: as for this function, and the count is the scene's.
-        unsafe { put_all(out, "out", numbers.into_iter()) }
-    })
+    // SAFETY: as for this function.
+    unsafe {
+        copy(stepper, out, ("bodies", bodies), |cloth| {
+            cloth
+                .impulses()
+                .iter()
+                .map(|one| [one.linear, one.angular].map(|v| v.to_array()))
+                .collect()
+        })
+    }
 }
 
 /// Copies the faces to `out`, `[faces][3]`: numbers of their vertices, counterclockwise where they
@@ -153,13 +152,12 @@ pub unsafe extern "C" fn selvedge_copy_faces(
     out: *mut u32,
     faces: usize,
 ) -> SelvedgeStatus {
-    with(stepper, |cloth| {
-        let all = cloth.topology().faces();
-        check("faces", all.len(), faces)?;
-        let numbers: Vec<u32> = all.iter().flatten().map(|vertex| vertex.0).collect();
-        // SAFETY: as for this function, and the count is the cloth's.
-        unsafe { put_all(out, "out", numbers.into_iter()) }
-    })
+    // SAFETY: as for this function.
+    unsafe {
+        copy(stepper, out, ("faces", faces), |cloth| {
+            cloth.topology().face_indices()
+        })
+    }
 }
 
 /// Copies the vertices of the handles to `out`, `[handles]`, in the order in which a step takes
@@ -173,12 +171,17 @@ pub unsafe extern "C" fn selvedge_copy_handles(
     out: *mut u32,
     handles: usize,
 ) -> SelvedgeStatus {
-    with(stepper, |cloth| {
-        let all = cloth.handles().vertices();
-        check("handles", all.len(), handles)?;
-        // SAFETY: as for this function, and the count is the cloth's.
-        unsafe { put_all(out, "out", all.iter().map(|vertex| vertex.0)) }
-    })
+    // SAFETY: as for this function.
+    unsafe {
+        copy(stepper, out, ("handles", handles), |cloth| {
+            cloth
+                .handles()
+                .vertices()
+                .iter()
+                .map(|vertex| vertex.0)
+                .collect()
+        })
+    }
 }
 
 /// Writes the guard's word on the newest frame of a model.
@@ -220,14 +223,23 @@ pub unsafe extern "C" fn selvedge_stepper_warnings(
     })
 }
 
-fn with(stepper: SelvedgeStepper, read: impl FnOnce(&Run) -> Result<(), Fault>) -> SelvedgeStatus {
-    call(|| {
-        let kept = STEPPERS.get(stepper)?;
-        let cloth = lock(&kept.cloth)?;
-        read(&cloth)
+/// Copies an entry for each of so many, which are named, from a cloth that has as many: `T` is the
+/// numbers `N` of an entry, in a row.
+///
+/// # Safety
+/// `out` has room for the numbers.
+unsafe fn copy<T, N>(
+    stepper: SelvedgeStepper,
+    out: *mut N,
+    (unit, count): (&str, usize),
+    read: impl FnOnce(&Run) -> Vec<T>,
+) -> SelvedgeStatus {
+    with(stepper, |cloth| {
+        let all = read(cloth);
+        if all.len() != count {
+            return Err(Fault::count(unit, unit, all.len(), count));
+        }
+        // SAFETY: as for this function, and the count is the cloth's.
+        unsafe { put_all(out.cast::<T>(), "out", all.into_iter()) }
     })
-}
-
-fn check(unit: &str, wanted: usize, found: usize) -> Result<(), Fault> {
-    if wanted == found { Ok(()) } else { Err(Fault::count(unit, unit, wanted, found)) }
 }

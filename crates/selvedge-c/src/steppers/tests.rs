@@ -104,7 +104,9 @@ fn a_panic_becomes_an_error_and_leaves_a_handle_that_can_only_be_freed() {
         scene: built,
         frame: 0,
     };
-    let stepper = keep(Run::of_stepper(&scene, Box::new(defective)).unwrap()).unwrap();
+    let stepper = STEPPERS
+        .keep(Run::of_stepper(&scene, Box::new(defective)).unwrap().into())
+        .unwrap();
     assert_eq!(selvedge_step_along(stepper), SelvedgeStatus::Ok);
     assert_eq!(selvedge_step_along(stepper), SelvedgeStatus::Panic);
     assert!(words().contains("frame 2 is one too many"), "{}", words());
@@ -334,7 +336,8 @@ fn a_cloth_is_set_elsewhere_by_a_matrix() {
         assert!((after - before - 2.0).abs() < 1e-6);
     }
     let led = unsafe { selvedge_stepper_lead_body(stepper, 0, matrix.as_ptr()) };
-    assert_eq!(led, SelvedgeStatus::Ok);
+    assert_eq!(led, SelvedgeStatus::Argument);
+    assert!(words().contains("there is no obstacle 0"), "{}", words());
     matrix[0] = 2.0;
     assert_ne!(to(&matrix), SelvedgeStatus::Ok);
     assert!(words().contains("without scale"), "{}", words());

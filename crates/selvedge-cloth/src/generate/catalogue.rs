@@ -41,26 +41,22 @@ const fn entry(name: &'static str, shape: Shape, size: f64, handles: &'static st
 }
 
 /// All meshes that have a name, the training mesh (`square`) first.
-#[must_use]
 pub fn named_sheets() -> &'static [NamedSheet] {
     &SHEETS
 }
 
 impl NamedSheet {
     /// The mesh of that name.
-    #[must_use]
     pub fn by_name(name: &str) -> Option<Self> {
         SHEETS.into_iter().find(|sheet| sheet.name == name)
     }
 
     /// Number of vertices at `density` `[vertices/m²]`.
-    #[must_use]
     pub fn vertices(&self, density: f64) -> usize {
         self.shape.vertices(self.size, density)
     }
 
     /// Its numbers for so many `vertices`.
-    #[must_use]
     pub fn of(&self, vertices: usize, seed: u64) -> SheetSpec {
         SheetSpec {
             shape: self.shape,

@@ -215,7 +215,6 @@ impl Shape {
 
     /// Vertices of a sheet of `size` `[m]` (and as wide, where that is said) at `density`
     /// `[vertices/m²]`, to the nearest; none where a number is not positive.
-    #[must_use]
     pub fn vertices(self, size: f64, density: f64) -> usize {
         (density * self.unit_area() * size * size).round() as usize
     }

@@ -85,7 +85,6 @@ pub(super) struct Cut {
 
 impl Shape {
     /// Area of a sheet of size 1, and of width 1 where that is said.
-    #[must_use]
     pub fn unit_area(self) -> f64 {
         match self {
             Self::Square | Self::Rectangle | Self::Tube => 1.0,

@@ -44,7 +44,6 @@ const STILL: &str = "still";
 const APART: &str = "apart";
 
 /// Every name that [`by_name`] knows, in the order still, training, test, generalisation.
-#[must_use]
 pub fn names() -> Vec<&'static str> {
     [vec![STILL], training(), test(), generalisation()].concat()
 }
@@ -55,13 +54,11 @@ fn names_of<T>(entries: &'static [(String, T)]) -> Vec<&'static str> {
 
 /// The 16 motions of the training set. Each lasts 1260 frames of 1/60 s: 60 still, ten moves of 60
 /// frames and 1 m there and back in turn, 600 still. An `-opposite` starts the other way.
-#[must_use]
 pub fn training() -> Vec<&'static str> {
     names_of(&CATALOGUE.training)
 }
 
 /// The 15 motions of the test set, timed as the training motions.
-#[must_use]
 pub fn test() -> Vec<&'static str> {
     names_of(&CATALOGUE.test)
 }
@@ -69,7 +66,6 @@ pub fn test() -> Vec<&'static str> {
 /// Those of the test set of which the training set has no likeness either. Seen from the handles,
 /// the image of a training motion in a mirror is the motion with the other x; of five that is a
 /// test motion.
-#[must_use]
 pub fn unseen() -> Vec<&'static str> {
     let is_image = |way: &DVec3| {
         let image = Move::Along(DVec3::new(-way.x, way.y, way.z));
@@ -83,7 +79,6 @@ pub fn unseen() -> Vec<&'static str> {
 /// Motions unlike the training motions; each starts with 30 frames still and ends with 180. Of `snake`
 /// and `spiral` three seconds up to 0.02617 m/frame, or down from it, are 2.355 m, which is 135° at 1 m
 /// but for the sampling of the speeds: π/2/60 = 0.026180 is the peak speed of a training motion.
-#[must_use]
 pub fn generalisation() -> Vec<&'static str> {
     [names_of(&CATALOGUE.generalisation), vec![APART]].concat()
 }
@@ -94,7 +89,6 @@ const MOST_SPEED: f64 = 100.0;
 /// The motion of that name: one of [`names`], or `random-` and a number (0 to 4294967295). With `@`
 /// and a factor after it (`side@1.5`) it goes so many times as far in the same time
 /// ([`Motion::at_speed`]).
-#[must_use]
 pub fn by_name(name: &str) -> Option<Motion> {
     let Some((name, factor)) = name.split_once('@') else {
         return at_own_speed(name);

@@ -99,19 +99,16 @@ impl Motion {
 
 impl HandlePath {
     /// The same path, of handles that let go as `schedule` says.
-    #[must_use]
     pub fn scheduled(self, schedule: HandleSchedule) -> Self {
         Self { schedule, ..self }
     }
 
     /// Frames of the scene that the motion lasts (a run has one position more).
-    #[must_use]
     pub fn frame_count(&self) -> usize {
         self.frame_count
     }
 
     /// Positions of the handles at `time` `[s]`, `[handles]` `[m]`; past the end they stay.
-    #[must_use]
     pub fn at(&self, time: f64) -> Vec<DVec3> {
         let time = time.max(0.0);
         match &self.form {

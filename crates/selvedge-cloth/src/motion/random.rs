@@ -36,7 +36,6 @@ pub struct RandomMotion {
 impl RandomMotion {
     /// Half a second still, then moves as in the random motions that have a name, at `speed` times
     /// their speed, until the duration is over.
-    #[must_use]
     pub fn motion(&self) -> Motion {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         // The named ones are stream 0 of their seeds.

@@ -163,7 +163,6 @@ pub struct RecordedMotion {
 
 impl Motion {
     /// No motion for `duration` `[s]`.
-    #[must_use]
     pub fn still(duration: f64) -> Self {
         Self::Blocks {
             blocks: vec![Block::still(duration)],
@@ -172,7 +171,6 @@ impl Motion {
 
     /// The same motion `factor` times as fast: every block goes so many times as far in its time.
     /// Returns none for a motion that is not made of blocks: its places are given, not its moves.
-    #[must_use]
     pub fn at_speed(&self, factor: f64) -> Option<Self> {
         let Self::Blocks { blocks } = self else {
             return None;
@@ -192,7 +190,6 @@ impl Motion {
 
 impl Block {
     /// No motion for `duration` `[s]`.
-    #[must_use]
     pub fn still(duration: f64) -> Self {
         Self {
             duration,

@@ -30,13 +30,11 @@ pub enum ExportFormat {
 
 impl ExportFormat {
     /// True for a file that holds one frame.
-    #[must_use]
     pub fn holds_one_frame(self) -> bool {
         self == Self::Obj
     }
 
     /// True for a file that can hold velocities.
-    #[must_use]
     pub fn has_velocities(self) -> bool {
         matches!(self, Self::Usda | Self::Usdc | Self::Usdz | Self::Abc)
     }

@@ -16,25 +16,31 @@ impl Problem {
     }
 }
 
-/// Either container.
-pub(crate) enum ArrayFile<'a> {
+/// Arrays by their names, in either container.
+pub struct ArrayFile<'a>(Container<'a>);
+
+enum Container<'a> {
     Npz(Npz<'a>),
     Safetensors(SafeTensors<'a>),
 }
 
-pub(crate) struct Array<T> {
+/// An array of a file.
+pub struct Array<T> {
     pub(crate) name: String,
     /// Type of its elements in the file.
     kind: String,
     /// Dimensions, slowest first.
     pub(crate) shape: Vec<usize>,
     /// Elements in row-major order.
-    pub(crate) values: Vec<T>,
+    pub values: Vec<T>,
 }
 
 impl<T> Array<T> {
     /// The array, which must have this shape; `None` is any length.
-    pub(crate) fn of_shape(self, shape: &[Option<usize>]) -> Result<Self, Problem> {
+    ///
+    /// # Errors
+    /// Another shape.
+    pub fn of_shape(self, shape: &[Option<usize>]) -> Result<Self, Problem> {
         let same = |(e, f): (&Option<usize>, &usize)| e.is_none_or(|e| e == *f);
         if self.shape.len() == shape.len() && shape.iter().zip(&self.shape).all(same) {
             return Ok(self);
@@ -63,7 +69,10 @@ impl<T> Array<T> {
 
 impl<'a> ArrayFile<'a> {
     /// The arrays and the metadata in the bytes of a .safetensors.
-    pub(crate) fn safetensors(bytes: &'a [u8]) -> Result<(Self, HashMap<String, String>), Problem> {
+    ///
+    /// # Errors
+    /// Bytes that are no whole file.
+    pub fn safetensors(bytes: &'a [u8]) -> Result<(Self, HashMap<String, String>), Problem> {
         let wrong = |error: SafeTensorError| {
             Problem(format!(
                 "is no complete safetensors file ({error}): it may have been cut short, or be another format"
@@ -72,24 +81,26 @@ impl<'a> ArrayFile<'a> {
         let header = read_header(bytes).map_err(wrong)?;
         let file = SafeTensors::deserialize(bytes).map_err(wrong)?;
         let metadata = header.metadata().clone().unwrap_or_default();
-        Ok((Self::Safetensors(file), metadata))
+        Ok((Self(Container::Safetensors(file)), metadata))
     }
 
     /// The arrays in the bytes of an .npz.
     pub(crate) fn npz(bytes: &'a [u8]) -> Result<Self, Problem> {
-        let archive = Npz::new(Cursor::new(bytes)).map(Self::Npz);
-        archive.map_err(|error| Problem(format!("is no complete .npz archive: {error}")))
+        let archive = Npz::new(Cursor::new(bytes)).map(Container::Npz);
+        archive
+            .map(Self)
+            .map_err(|error| Problem(format!("is no complete .npz archive: {error}")))
     }
 
     /// The names of all arrays, sorted.
     pub(crate) fn names(&self) -> Vec<String> {
-        let mut names: Vec<String> = match self {
-            Self::Npz(file) => {
+        let mut names: Vec<String> = match &self.0 {
+            Container::Npz(file) => {
                 let names = file.file_names();
                 let plain = |name: &str| name.strip_suffix(".npy").unwrap_or(name).to_owned();
                 names.map(plain).collect()
             }
-            Self::Safetensors(file) => file.names().into_iter().map(str::to_owned).collect(),
+            Container::Safetensors(file) => file.names().into_iter().map(str::to_owned).collect(),
         };
         names.sort_unstable();
         names
@@ -113,7 +124,10 @@ impl<'a> ArrayFile<'a> {
     }
 
     /// An array of f32; in an .npz f64 are narrowed.
-    pub(crate) fn singles(&self, name: &str) -> Result<Array<f32>, Problem> {
+    ///
+    /// # Errors
+    /// No array of this name, or of another type.
+    pub fn singles(&self, name: &str) -> Result<Array<f32>, Problem> {
         let narrowed = |word| f64::from_le_bytes(word) as f32;
         self.read(name, "F32", |kind, data| match kind {
             "F32" | "<f4" => Some(words(data, f32::from_le_bytes)),
@@ -163,14 +177,14 @@ impl<'a> ArrayFile<'a> {
             Problem(format!("has no array named {name} (found {found})"))
         };
         let within = |problem: String| Problem(format!("array {name}: {problem}"));
-        let (kind, shape, values) = match self {
-            Self::Npz(file) => {
+        let (kind, shape, values) = match &self.0 {
+            Container::Npz(file) => {
                 let array = npz::array(file, name).map_err(within)?;
                 let array = array.ok_or_else(missing)?;
                 let values = decode(&array.kind, array.data().map_err(within)?);
                 (array.kind, array.shape, values)
             }
-            Self::Safetensors(file) => {
+            Container::Safetensors(file) => {
                 let tensor = file.tensor(name).map_err(|_| missing())?;
                 let kind = tensor.dtype().to_string();
                 let values = decode(&kind, tensor.data());

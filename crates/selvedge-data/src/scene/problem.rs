@@ -9,39 +9,27 @@ use crate::formats::atomic::WriteError;
 use crate::formats::file_error::{FileError, Problem};
 use crate::formats::input;
 
-impl From<SceneError> for Problem {
-    fn from(error: SceneError) -> Self {
-        Self(error.to_string())
-    }
+/// Errors of parts of a scene, with the key that they are of.
+macro_rules! problems {
+    ($($error:ty $(= $key:literal)?),+) => {
+        $(impl From<$error> for Problem {
+            fn from(error: $error) -> Self {
+                Self(format!(concat!($($key, ": ",)? "{}"), error))
+            }
+        })+
+    };
 }
-
-impl From<TopologyError> for Problem {
-    fn from(error: TopologyError) -> Self {
-        Self(error.to_string())
-    }
-}
-
-impl From<WriteError> for Problem {
-    fn from(error: WriteError) -> Self {
-        Self(error.to_string())
-    }
-}
+problems!(
+    SceneError,
+    TopologyError,
+    WriteError,
+    HandleError = "handles",
+    MeshError = "mesh"
+);
 
 impl<E: std::error::Error> From<FileError<E>> for Problem {
     fn from(error: FileError<E>) -> Self {
         Self(error.to_string())
-    }
-}
-
-impl From<HandleError> for Problem {
-    fn from(error: HandleError) -> Self {
-        field("handles", error.to_string())
-    }
-}
-
-impl From<MeshError> for Problem {
-    fn from(error: MeshError) -> Self {
-        field("mesh", error.to_string())
     }
 }
 

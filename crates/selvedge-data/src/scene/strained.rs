@@ -126,7 +126,6 @@ impl std::fmt::Display for StrainedEdge {
 }
 
 /// Warnings for a cloth that starts where its mesh stands, far from its pattern.
-#[must_use]
 pub fn strain_warnings(mesh: &Mesh) -> Vec<String> {
     warnings(mesh, mesh.positions(), PICTURES)
 }

@@ -1,7 +1,7 @@
 //! The example of a stepper of one's own runs, does what it says, and keeps the promises of
 //! steppers.
 
-use selvedge_cloth::conformance::{HandlesEnd, check};
+use crate::conformance::{HandlesEnd, check};
 
 #[allow(dead_code, reason = "the example has a main function")]
 #[path = "../../examples/custom_stepper.rs"]

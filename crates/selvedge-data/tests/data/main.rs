@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "a failing helper fails its test")]
 
+#[path = "../../../selvedge-cloth/tests/conformance/mod.rs"]
+mod conformance;
 mod dataset;
 mod example;
 mod export;

@@ -3,9 +3,9 @@
 
 use std::ops::ControlFlow;
 
+use crate::conformance::{HandlesEnd, check};
 use glam::{Vec2, Vec3};
 use proptest::prelude::*;
-use selvedge_cloth::conformance::{HandlesEnd, check};
 use selvedge_cloth::{Cloth, HandleTargets, Motion, StepError, Stepper};
 use selvedge_data::{Drive, Playback, Provenance, RecordingEnd, Trajectory, record};
 use serde_json::json;

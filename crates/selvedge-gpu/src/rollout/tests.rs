@@ -1,7 +1,7 @@
 //! Rollouts on a GPU against those of the processor.
 
+use crate::conformance::{HandlesEnd, check_correctable};
 use glam::DVec3;
-use selvedge_cloth::conformance::{HandlesEnd, check_correctable};
 use selvedge_cloth::{Correctable, HandleTargets, StepError, Stepper};
 use selvedge_model::{Encoder, LearnedStepper, ModelSpec, Yaw};
 

@@ -5,5 +5,7 @@
 #![allow(clippy::unwrap_used)]
 
 mod common;
+#[path = "../../../selvedge-cloth/tests/conformance/mod.rs"]
+mod conformance;
 mod hostile;
 mod session;

@@ -17,6 +17,8 @@ const LOOSE_COUNT: f64 = 0.5;
 const SMALL_DISTANCE: f64 = 0.01;
 /// Speed that is no wind and no motion `[m/s]`.
 const SMALL_SPEED: f64 = 0.1;
+/// Acceleration that is none of a hand `[m/s²]`.
+const SMALL_ACCELERATION: f64 = 2.0;
 
 /// One way in which a scene goes beyond what a model was trained on.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -47,6 +49,8 @@ pub enum Aspect {
     Apart,
     /// Handles that are faster.
     Speed,
+    /// Handles whose speed changes more from frame to frame.
+    Acceleration,
     /// Air that is faster.
     Wind,
     /// Gravity.
@@ -69,6 +73,7 @@ impl Aspect {
             Self::Heights => "heights",
             Self::Apart => "apart",
             Self::Speed => "speed",
+            Self::Acceleration => "acceleration",
             Self::Wind => "wind",
             Self::Gravity => "gravity",
             Self::Fabric => "fabric",
@@ -84,45 +89,59 @@ impl fmt::Display for Departure {
 }
 
 impl Domain {
-    /// The ways in which `scene` goes beyond this domain, in the order of [`Aspect`].
+    /// The ways in which `scene` goes beyond this domain, the farthest beyond first: a kind of cloth or
+    /// touch that no training had, then the largest ratio of a number to its bound, which the
+    /// words end with.
     pub fn departures(&self, scene: &Self) -> Vec<Departure> {
         let mut found = Vec::new();
-        let mut add = |aspect, is_beyond: bool, words: fmt::Arguments<'_>| {
-            if is_beyond {
-                let words = words.to_string();
-                found.push(Departure { aspect, words });
+        let mut add = |aspect, excess: f64, words: fmt::Arguments<'_>| {
+            if excess > 1.0 {
+                let times = match excess {
+                    f64::INFINITY => String::new(),
+                    times => format!(" ({times:.1} times the bound)"),
+                };
+                let words = format!("{words}{times}");
+                found.push((excess, Departure { aspect, words }));
             }
         };
-        let beyond = |own: f64, most: f64, small: f64| own > most * (1.0 + LOOSE) + small;
+        let over = |own: f64, most: f64, small: f64| own / (most * (1.0 + LOOSE) + small);
+        let none = |beyond: bool| if beyond { f64::INFINITY } else { 0.0 };
 
         let (own, known) = (scene.frame_rate, self.frame_rate);
         let words = format_args!("{own} frames per second, trained at {known}");
-        add(Aspect::FrameRate, !known.hold(own, SAME_RATE), words);
+        add(Aspect::FrameRate, known.excess(own, SAME_RATE), words);
         let (own, known) = (scene.vertices, self.vertices);
         let words = format_args!("{own} vertices, trained on {known}");
-        add(Aspect::Vertices, !known.hold(own, LOOSE_COUNT), words);
+        add(Aspect::Vertices, known.excess(own, LOOSE_COUNT), words);
         let [own, known] = [scene.edge_length, self.edge_length].map(|b| b.times(1e3));
         let words = format_args!("edges of {own:.0} mm on average, trained on {known:.0} mm");
-        add(Aspect::EdgeLength, !known.hold(own, LOOSE), words);
+        add(Aspect::EdgeLength, known.excess(own, LOOSE), words);
         let words = format_args!("the cloth is sewn, trained on cloth in one piece");
-        add(Aspect::Seams, scene.sewn && !self.sewn, words);
+        add(Aspect::Seams, none(scene.sewn && !self.sewn), words);
 
         let (own, known) = (scene.handles, self.handles);
         let plural = if own == Bounds::of(1.0) { "" } else { "s" };
         let words = format_args!("{own} handle{plural} held at once, trained with {known}");
-        add(Aspect::Handles, !known.hold(own, 0.0), words);
+        add(Aspect::Handles, known.excess(own, 0.0), words);
         let (own, most) = (scene.height_difference, self.height_difference);
         let words =
             format_args!("handles {own:.2} m apart in height, trained with at most {most:.2} m");
-        add(Aspect::Heights, beyond(own, most, SMALL_DISTANCE), words);
+        add(Aspect::Heights, over(own, most, SMALL_DISTANCE), words);
         let (own, most) = (scene.moved_apart, self.moved_apart);
         let words = format_args!(
             "the distance between handles changes by {own:.2} m, trained with at most {most:.2} m"
         );
-        add(Aspect::Apart, beyond(own, most, SMALL_DISTANCE), words);
+        add(Aspect::Apart, over(own, most, SMALL_DISTANCE), words);
         let (own, most) = (scene.handle_speed, self.handle_speed);
         let words = format_args!("handles at up to {own:.1} m/s, trained with up to {most:.1} m/s");
-        add(Aspect::Speed, beyond(own, most, SMALL_SPEED), words);
+        add(Aspect::Speed, over(own, most, SMALL_SPEED), words);
+        if let (Some(own), Some(most)) = (scene.handle_acceleration, self.handle_acceleration) {
+            let words = format_args!(
+                "handles accelerate by up to {own:.0} m/s², trained with up to {most:.0} m/s²"
+            );
+            let excess = over(own, most, SMALL_ACCELERATION);
+            add(Aspect::Acceleration, excess, words);
+        }
 
         let (own, most) = (scene.wind, self.wind);
         let words = if most > 0.0 {
@@ -130,26 +149,34 @@ impl Domain {
         } else {
             format_args!("wind of up to {own:.1} m/s, trained in still air")
         };
-        add(Aspect::Wind, beyond(own, most, SMALL_SPEED), words);
+        let excess = over(own, most, SMALL_SPEED);
+        let excess = if most > 0.0 { excess } else { none(excess > 1.0) };
+        add(Aspect::Wind, excess, words);
         let (own, known) = (scene.gravity, self.gravity);
         let words = format_args!("gravity of {own:.2} m/s², trained with {known:.2} m/s²");
-        add(Aspect::Gravity, !known.hold(own, LOOSE), words);
+        add(Aspect::Gravity, known.excess(own, LOOSE), words);
         if let (Some(own), Some(known)) = (&scene.fabrics, &self.fabrics) {
             let words = format_args!("the fabric {own}, trained on {known}");
-            add(Aspect::Fabric, !known.hold(own), words);
+            add(Aspect::Fabric, known.excess(own), words);
         }
         let words = format_args!(
             "the cloth touches itself or bodies, trained without: the network sees none"
         );
-        add(Aspect::Contact, scene.contact && !self.contact, words);
-        found
+        add(Aspect::Contact, none(scene.contact && !self.contact), words);
+        found.sort_by(|a, b| b.0.total_cmp(&a.0));
+        found.into_iter().map(|(_, departure)| departure).collect()
     }
 }
 
 impl Bounds {
-    /// Returns true if `other` is within, but for the part `loose` of the bounds.
-    fn hold(self, other: Self, loose: f64) -> bool {
-        other.least >= self.least * (1.0 - loose) && other.most <= self.most * (1.0 + loose)
+    /// How many times `other` is beyond these bounds widened by the part `loose`; at most 1 within.
+    fn excess(self, other: Self, loose: f64) -> f64 {
+        let ratio = |larger: f64, smaller: f64| match larger {
+            0.0 => 0.0,
+            _ => larger / smaller,
+        };
+        let below = ratio(self.least * (1.0 - loose), other.least);
+        below.max(ratio(other.most, self.most * (1.0 + loose)))
     }
 
     fn times(self, factor: f64) -> Self {
@@ -172,13 +199,14 @@ impl fmt::Display for Bounds {
 }
 
 impl FabricBounds {
-    fn hold(&self, other: &Self) -> bool {
+    fn excess(&self, other: &Self) -> f64 {
         let pairs = [
             (self.density, other.density),
             (self.stretch, other.stretch),
             (self.bend, other.bend),
         ];
-        pairs.iter().all(|(own, other)| own.hold(*other, LOOSE))
+        let excesses = pairs.iter().map(|(own, other)| own.excess(*other, LOOSE));
+        excesses.fold(0.0, f64::max)
     }
 }
 

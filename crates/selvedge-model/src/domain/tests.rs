@@ -89,7 +89,7 @@ fn an_account_of_a_training_has_the_domain_of_its_model() {
 #[test]
 fn each_departure_is_found_alone_and_says_both_numbers() {
     type Edit = fn(&mut Scene);
-    let cases: [(Aspect, &str, Edit); 11] = [
+    let cases: [(Aspect, &str, Edit); 12] = [
         (
             Aspect::FrameRate,
             "120 frames per second, trained at 60",
@@ -149,6 +149,15 @@ fn each_departure_is_found_alone_and_says_both_numbers() {
             s.motion = recorded(s, &[[DVec3::X * 0.2; 2]]);
         }),
         (
+            Aspect::Acceleration,
+            // To and fro by 1.2 m/s, within a frame.
+            "handles accelerate by up to 144 m/s², trained with up to",
+            |s| {
+                let aside = DVec3::X * 0.02;
+                s.motion = recorded(s, &[[aside; 2], [DVec3::ZERO; 2]]);
+            },
+        ),
+        (
             Aspect::Wind,
             "wind of up to 5.0 m/s, trained in still air",
             |s| s.environment.wind = DVec3::new(3.0, 0.0, 4.0),
@@ -186,6 +195,42 @@ fn each_departure_is_found_alone_and_says_both_numbers() {
 }
 
 #[test]
+fn the_farthest_beyond_is_said_first() {
+    let mut trained = domain(&scene());
+    trained.wind = 1.0;
+    let mut far = scene();
+    far.environment.wind = DVec3::X * 2.4;
+    far.environment.gravity = DVec3::NEG_Y * 98.0;
+    let words = |scene: &Scene| {
+        let found = trained.departures(&domain(scene));
+        found.into_iter().map(|d| d.words).collect::<Vec<_>>()
+    };
+    let [gravity, wind] = &words(&far)[..] else {
+        panic!("{:?}", words(&far));
+    };
+    assert!(gravity.ends_with("(9.1 times the bound)"), "{gravity}");
+    assert!(wind.ends_with("(2.0 times the bound)"), "{wind}");
+    far.contact = Some(ContactSettings::default());
+    far.environment.wind = DVec3::X * 99.0;
+    let found = aspects(&trained, &far);
+    assert_eq!(found, [Aspect::Contact, Aspect::Wind, Aspect::Gravity]);
+}
+
+#[test]
+fn a_file_without_accelerations_is_not_judged_by_them() {
+    let mut trained = domain(&scene());
+    let least = trained.handle_acceleration.expect("measured");
+    assert!((1.0..60.0).contains(&least), "{least}");
+    trained.handle_acceleration = None;
+    let text = serde_json::json!({ "domain": trained }).to_string();
+    assert!(!text.contains("acceleration"), "{text}");
+    let back = Domain::in_account(&text).expect("a domain").expect("one");
+    let mut abrupt = scene();
+    abrupt.motion = recorded(&abrupt, &[[DVec3::X * 0.02; 2], [DVec3::ZERO; 2]]);
+    assert_eq!(aspects(&back, &abrupt), []);
+}
+
+#[test]
 fn a_model_of_several_scenes_knows_what_lies_between() {
     let mut trained = domain(&scene());
     let mut windy = scene();
@@ -211,6 +256,7 @@ fn a_handle_that_takes_hold_elsewhere_is_no_fast_one() {
     assert_eq!(watch.now().handles, Bounds::of(1.0));
     watch.see(&[DVec3::ZERO, DVec3::X * 0.5], &[true, true], DVec3::ZERO);
     assert_eq!(watch.now().handle_speed, 0.0);
+    assert_eq!(watch.now().handle_acceleration, Some(0.0));
     assert_eq!(watch.now().moved_apart, 0.0);
     let seen = watch.seen();
     assert_eq!((seen.handles.least, seen.handles.most), (1.0, 2.0));

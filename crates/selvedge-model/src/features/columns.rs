@@ -12,7 +12,6 @@
 use glam::Vec3;
 
 use crate::graph::frame::Yaw;
-use crate::graph::weave::Spring;
 use crate::graph::{ClothGraph, Hinge};
 use crate::spec::{EdgeFeature, ModelSpec, NodeFeature};
 
@@ -180,12 +179,19 @@ pub(crate) fn features(
             EdgeFeature::Vector => vector(graph, pose, columns),
             EdgeFeature::RestVector => rest_vector(graph, columns),
             EdgeFeature::MaterialVector => material_vector(graph, columns),
-            EdgeFeature::Elongation => elongation(graph, pose, columns),
+            EdgeFeature::Elongation => {
+                let rest = graph.rest_lengths();
+                each_edge(graph, pose, columns, |e, length| length - rest[e]);
+            }
             EdgeFeature::BendingAngle => bending(graph, pose, |_, angle| [angle; 2], columns),
             EdgeFeature::PatternLength => {
-                each_edge(graph, pose, |spring, _| spring.length, columns)
+                let springs = &graph.weave().springs;
+                each_edge(graph, pose, columns, |e, _| springs[e].length);
             }
-            EdgeFeature::Strain => each_edge(graph, pose, Spring::strain, columns),
+            EdgeFeature::Strain => {
+                let springs = &graph.weave().springs;
+                each_edge(graph, pose, columns, |e, length| springs[e].strain(length));
+            }
             EdgeFeature::StretchAcceleration => stretch_acceleration(graph, pose, columns),
             EdgeFeature::BendAcceleration => bend_acceleration(graph, pose, columns),
         }
@@ -312,27 +318,16 @@ fn material_vector(graph: &ClothGraph, mut out: FeatureColumns<&mut [f32]>) {
     }
 }
 
-/// Length minus length in the sagged rest pose.
-fn elongation(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<&mut [f32]>) {
-    let ends = edge_ends(graph, pose.current);
-    for (((a, b), arcs), &rest_length) in ends.zip(graph.rest_lengths()) {
-        let longer = a.distance(b) - rest_length;
-        for arc in arcs {
-            out.put(arc as usize, [longer]);
-        }
-    }
-}
-
-/// A quantity of each edge by its spring and its length, in both arcs.
+/// A quantity of each edge by its number and its length, in both arcs.
 fn each_edge(
     graph: &ClothGraph,
     pose: Pose<'_>,
-    value: impl Fn(&Spring, f32) -> f32,
     mut out: FeatureColumns<&mut [f32]>,
+    value: impl Fn(usize, f32) -> f32,
 ) {
     let ends = edge_ends(graph, pose.current);
-    for (((a, b), arcs), spring) in ends.zip(&graph.weave().springs) {
-        let value = value(spring, a.distance(b));
+    for (number, ((a, b), arcs)) in ends.enumerate() {
+        let value = value(number, a.distance(b));
         for arc in arcs {
             out.put(arc as usize, [value]);
         }

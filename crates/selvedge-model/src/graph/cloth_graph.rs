@@ -105,7 +105,6 @@ impl ClothGraph {
     }
 
     /// The same in a run that begins in this frame of its weather.
-    #[must_use]
     pub fn taken_up_at(mut self, frame: usize) -> Self {
         self.first_frame = frame;
         self.set_step(0);

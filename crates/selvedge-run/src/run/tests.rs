@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use glam::{DQuat, DVec3};
-use selvedge_cloth::{ContactSettings, Release, Scene as Built};
+use selvedge_cloth::{ContactSettings, Handles, Release, Scene as Built, Stop};
 use selvedge_data::{Drive, Playback, StartSpec, open_scene, record};
 
 use super::*;
@@ -16,12 +16,15 @@ pub(crate) fn hanging() -> Built {
 
 /// The same as a scene whose handles go forward, with more lines.
 fn scene(more: &str) -> Scene {
-    let text = format!(
+    Scene::parse(&text(more)).unwrap()
+}
+
+fn text(more: &str) -> String {
+    format!(
         "name = \"hanging\"\nmaterial = \"gray-interlock\"\nmotion = {{ named = \"forward\" }}\n\
          mesh = {{ generator = {{ kind = \"square\", vertices = 36, size = 1.0, seed = 1 }} }}\n\
          handles = {{ label = \"upper-corners\" }}\n{more}"
-    );
-    Scene::parse(&text).unwrap()
+    )
 }
 
 /// The same with its handles let go for a while, one for ever.
@@ -104,6 +107,46 @@ fn every_run_goes_back_to_the_byte() {
 }
 
 /// Engines keep their parts where any thread may read them.
+#[test]
+fn a_snapshot_of_another_scene_is_refused() {
+    let own = scene("");
+    let mut run = Run::new(&own).unwrap();
+    run.step().unwrap();
+    let before = run.positions_f64();
+    // As many vertices, which other edges join; another motion; another fabric.
+    let changes = [
+        ("seed = 1", "seed = 2"),
+        ("forward", "side"),
+        ("gray-interlock", "denim"),
+    ];
+    for (from, to) in changes {
+        let other = Scene::parse(&text("").replace(from, to)).unwrap();
+        let there = Run::new(&other).unwrap().snapshot().unwrap();
+        let refused = run.restore(&there).unwrap_err();
+        assert_eq!(refused, StepError::Snapshot { frame: 1 });
+        assert_eq!(run.positions_f64(), before);
+    }
+    // The same text is the same scene.
+    let there = Run::new(&scene("")).unwrap().snapshot().unwrap();
+    run.restore(&there).unwrap();
+    assert_eq!(run.frame(), 0);
+}
+
+/// What no solver moves, or has no such obstacle, leads none.
+#[test]
+fn obstacles_that_are_not_there_are_not_led() {
+    let mut run = Run::new(&scene("")).unwrap();
+    let mut learned = Run::of_model(&scene(""), &paper()).unwrap();
+    for run in [&mut run, &mut learned] {
+        let refused = run.lead_obstacle(0, DVec3::X).unwrap_err();
+        assert!(
+            refused.to_string().contains("no obstacle 0: 0 can"),
+            "{refused}"
+        );
+    }
+    assert!(run.teleport(DVec3::X.into(), &[2]).is_err());
+}
+
 #[test]
 fn a_run_is_shared_between_threads() {
     fn shared<T: Send + Sync>() {}

@@ -1,17 +1,19 @@
 //! Derivatives of what touches: of the forces of a solve, and of the pull that its friction leaves for the
 //! next substep, by the places from which they came.
 //!
-//! Each collision is one function of its corners at the start, where they were expected, where they end, and
-//! the pull of its anchor; evaluated with dual numbers it gives a derivative by each. Which pairs push and the
-//! branches of their laws count as decided, and so does the gap that a pair missed in the last substep needed.
+//! The force of a collision is one function of its shape (direction, weights, gap, masses), where its corners were
+//! expected, where they end, and the pull of its anchor; the shape is one of corners at the start. Evaluated with
+//! dual numbers they give a derivative by each. A pair keeps its shape over the solves of a substep, so
+//! derivatives by it are added up, and taken to its corners once. Which pairs push and the branches of their
+//! laws count as decided, and so does the gap that a pair missed in the last substep needed.
 
 use glam::DVec3;
 use selvedge_cloth::Touching;
-use selvedge_contact::number::{Dual, DualVector, Number, Vector};
+use selvedge_contact::number::{Dual, Number, Vector};
 use selvedge_contact::weights;
 
 use super::barrier::{Barrier, Tangent};
-use super::came_from::{At, CollisionTape, Share};
+use super::came_from::{At, CollisionTape, ShapeOrigin, ShapeTape, Share};
 use super::collisions::{Collision, Collisions, PairLaw, RECOVERY, SHEAR, Sticking};
 use super::narrow_phase::{distance, edge_share, round_share};
 use super::real::Real;
@@ -31,11 +33,12 @@ pub(crate) struct AnchorSlope {
 }
 
 /// A solve over `time` `[s]` with a stage of γ `[s]`, and places of the cloth's vertices `[m]`,
-/// `[vertices]`: where they were expected, and where they end.
+/// `[vertices]`: where they start, where they were expected, and where they end.
 #[derive(Clone, Copy)]
 pub(crate) struct Places<'a> {
     pub(crate) gamma: f64,
     pub(crate) time: f64,
+    pub(crate) start: &'a [DVec3],
     pub(crate) expected: &'a [DVec3],
     pub(crate) end: &'a [DVec3],
     /// The point of the substep at which its equations hold.
@@ -57,6 +60,8 @@ pub(crate) struct PlaceSlopes<'a> {
     pub(crate) masses: &'a mut [f64],
     /// By the places of obstacles at the start and the end, `[obstacles]`.
     pub(crate) obstacles: &'a mut [[ObstacleSlope; 2]],
+    /// By the pulls of anchors at the start.
+    pub(crate) anchors: &'a mut Vec<AnchorSlope>,
 }
 
 /// Derivative by a rigid motion of an obstacle.
@@ -92,56 +97,81 @@ enum Value {
     Anchor(DVec3, f64),
 }
 
-/// What a value depends on: vectors, at the places below, inverse masses of the corners, and up to which
+/// Numbers of a collision's shape: weights of its corners, direction, gap at the start, drift, masses, its part
+/// of the barrier, and half of the distance of its features at the start.
+const WEIGHTS: usize = 0;
+const NORMAL: usize = 4;
+const GAP: usize = 7;
+const DRIFT: usize = 8;
+const MEAN_MASS: usize = 11;
+const MASS: usize = 12;
+const SHARE: usize = 13;
+const HALF: usize = 14;
+const SHAPE: usize = 15;
+/// Numbers of a collision's force: its shape; Σ w x of the cloth's corners beyond their places, where they were
+/// expected and where they end; pull of the anchor; Σ w x where an earlier solve has shown that it slides; up to which
 /// compression the anchor bears.
-#[derive(Clone, Copy)]
-struct Inputs<N: Number> {
-    vectors: [N::Vector; VECTORS],
-    inverse: [N; 4],
-    pressed: N,
-    has_wing: [[bool; 2]; 2],
-}
-
-/// Corners at the start.
+const EXPECTED: usize = SHAPE;
+const END: usize = EXPECTED + 3;
+const ANCHOR: usize = END + 3;
+const SLID: usize = ANCHOR + 3;
+const PRESSED: usize = SLID + 3;
+const FORCE: usize = PRESSED + 1;
+/// Numbers from which a shape comes: corners at the start; ends of the way on which the pair meets, of obstacles
+/// those of the substep; vertices beside two edges; inverse masses of the corners.
 const STARTS: usize = 0;
-/// Ends of the way on which the pair meets; of obstacles, those of the substep.
-const ENDS: usize = 4;
-/// Vertices beside two edges.
-const WINGS: usize = 8;
-/// Σ w x of the cloth's corners beyond their places, where they were expected and where they end.
-const EXPECTED: usize = 12;
-const END: usize = 13;
-/// Pull of the anchor.
-const ANCHOR: usize = 14;
-/// Σ w x where an earlier solve has shown that it slides.
-const SLID: usize = 15;
-const VECTORS: usize = 16;
-/// Vectors by which derivatives are taken at once, and their components.
-const TOGETHER: usize = 4;
-const RATES: usize = 3 * TOGETHER;
+const ENDS: usize = 12;
+const WINGS: usize = 24;
+const INVERSE: usize = 36;
+const CAME_FROM: usize = 40;
+/// Numbers by which derivatives are taken at once.
+const RATES: usize = 12;
 
-impl<N: Number> Inputs<N> {
-    fn four(&self, first: usize) -> [N::Vector; 4] {
-        std::array::from_fn(|k| self.vectors[first + k])
-    }
+/// Derivatives by the numbers of a collision's shape.
+pub(crate) type ShapeSlopes = [f64; SHAPE];
 
-    fn wings(&self) -> [[Option<N::Vector>; 2]; 2] {
-        let wing = |edge: usize, side: usize| {
-            self.has_wing[edge][side].then_some(self.vectors[WINGS + 2 * edge + side])
-        };
-        [[wing(0, 0), wing(0, 1)], [wing(1, 0), wing(1, 1)]]
+/// Derivatives of `value`, a function of these numbers, by those that are `wanted`.
+fn slopes_of<const M: usize>(
+    numbers: &[f64; M],
+    wanted: impl Fn(usize) -> bool,
+    value: impl Fn(&[Dual<RATES>; M]) -> Dual<RATES>,
+) -> [f64; M] {
+    let mut duals = numbers.map(|value| Dual {
+        value,
+        rates: [0.0; RATES],
+    });
+    let (mut slopes, mut moved) = ([0.0; M], [0; RATES]);
+    let mut wanted = (0..M).filter(|number| wanted(*number)).peekable();
+    while wanted.peek().is_some() {
+        let mut count = 0;
+        for number in wanted.by_ref().take(RATES) {
+            duals[number].rates[count] = 1.0;
+            moved[count] = number;
+            count += 1;
+        }
+        let rates = value(&duals).rates;
+        for (k, number) in moved[..count].iter().enumerate() {
+            slopes[*number] = rates[k];
+            duals[*number].rates[k] = 0.0;
+        }
     }
+    slopes
 }
 
-/// Direction, weights and masses of a collision.
-struct Shape<N: Number> {
-    weights: [N; 4],
-    normal: N::Vector,
-    /// Gap at the start `[m]`.
-    gap: N,
-    drift: N::Vector,
-    mean_mass: N,
-    mass: N,
+fn vector<N: Number>(numbers: &[N], first: usize) -> N::Vector {
+    N::Vector::of([numbers[first], numbers[first + 1], numbers[first + 2]])
+}
+
+fn four<N: Number>(numbers: &[N], first: usize) -> [N::Vector; 4] {
+    std::array::from_fn(|k| vector(numbers, first + 3 * k))
+}
+
+fn set(numbers: &mut [f64], first: usize, vector: DVec3) {
+    numbers[first..first + 3].copy_from_slice(&vector.to_array());
+}
+
+fn slope(slopes: &[f64], first: usize) -> DVec3 {
+    DVec3::from_slice(&slopes[first..])
 }
 
 fn lift<N: Number>(one: N, vector: DVec3) -> N::Vector {
@@ -154,22 +184,37 @@ fn across<N: Number>(normal: N::Vector, vector: N::Vector) -> N::Vector {
 }
 
 impl Collisions {
-    /// Adds the derivatives of γ Σ λ·f of a solve, of these `multipliers` λ, `[vertices]`.
+    /// Adds the derivatives of γ Σ λ·f of a solve, of these `multipliers` λ, `[vertices]`. `shapes` are those by
+    /// the shapes of its collisions, then by those of the solve before.
     pub(crate) fn pull_forces(
         &self,
         came_from: &[CollisionTape],
         places: Places<'_>,
         multipliers: &[DVec3],
         by: &mut PlaceSlopes<'_>,
-        anchors: &mut Vec<AnchorSlope>,
+        shapes: &mut Vec<ShapeSlopes>,
     ) {
-        for (collision, tape) in self.list.iter().zip(came_from) {
-            let own = tape.of_cloth(collision, multipliers);
+        shapes.resize(self.list.len(), [0.0; SHAPE]);
+        let mut before: Vec<ShapeSlopes> = Vec::new();
+        for ((collision, tape), shape) in self.list.iter().zip(came_from).zip(shapes.iter_mut()) {
+            let own = collision.of_cloth(multipliers);
             if own != [DVec3::ZERO; 4] {
-                let value = Value::Work(own);
-                collision.pull_back(tape, places, value, by, anchors);
+                collision.pull_back(tape, places, Value::Work(own), by, shape);
+            }
+            match &tape.shape {
+                ShapeOrigin::Own(from) if *shape != [0.0; SHAPE] => {
+                    collision.pull_shape(from, shape, by);
+                }
+                ShapeOrigin::Own(_) => {}
+                ShapeOrigin::Earlier(earlier) => {
+                    let room = before.len().max(*earlier + 1);
+                    before.resize(room, [0.0; SHAPE]);
+                    let sums = before[*earlier].iter_mut().zip(shape);
+                    sums.for_each(|(sum, slope)| *sum += *slope);
+                }
             }
         }
+        *shapes = before;
     }
 
     /// Adds the derivatives of the pulls that the collisions of the last solve have left, of which `slopes` are
@@ -180,9 +225,10 @@ impl Collisions {
         places: Places<'_>,
         slopes: &[AnchorSlope],
         by: &mut PlaceSlopes<'_>,
-        anchors: &mut Vec<AnchorSlope>,
+        shapes: &mut Vec<ShapeSlopes>,
     ) {
-        for (collision, tape) in self.list.iter().zip(came_from) {
+        shapes.resize(self.list.len(), [0.0; SHAPE]);
+        for ((collision, tape), shape) in self.list.iter().zip(came_from).zip(shapes) {
             let own = |slope: &&AnchorSlope| {
                 collision.anchored == Some(slope.of) && collision.normal == slope.normal
             };
@@ -191,92 +237,133 @@ impl Collisions {
             let by_pressed: f64 = own().map(|slope| slope.by_pressed).sum();
             if sum != DVec3::ZERO || by_pressed != 0.0 {
                 let value = Value::Anchor(sum, by_pressed);
-                collision.pull_back(tape, places, value, by, anchors);
+                collision.pull_back(tape, places, value, by, shape);
             }
         }
     }
 
-    /// Memory of a recording `[bytes]`.
-    pub(crate) fn bytes(&self) -> usize {
-        self.list.len() * (size_of::<Collision>() + size_of::<CollisionTape>())
-    }
-}
-
-impl CollisionTape {
-    /// Values of the cloth's corners, 0 of others.
-    fn of_cloth(&self, collision: &Collision, values: &[DVec3]) -> [DVec3; 4] {
-        std::array::from_fn(|k| {
-            if self.is_cloth[k] { values[collision.corners[k] as usize] } else { DVec3::ZERO }
-        })
+    /// Memory of a recording, with what the collisions came from `[bytes]`.
+    pub(crate) fn bytes(&self, came_from: &[CollisionTape]) -> usize {
+        let boxed = came_from.iter().map(|tape| {
+            let shape = match tape.shape {
+                ShapeOrigin::Own(_) => size_of::<ShapeTape>(),
+                ShapeOrigin::Earlier(_) => 0,
+            };
+            shape + tape.slid.as_deref().map_or(0, size_of_val)
+        });
+        boxed.sum::<usize>()
+            + size_of_val(came_from)
+            + size_of_val(&self.list[..])
+            + size_of_val(&self.expected[..])
     }
 }
 
 impl Collision {
-    /// Adds the derivatives of `value`.
+    /// Values of the cloth's corners, 0 of others.
+    fn of_cloth(&self, values: &[DVec3]) -> [DVec3; 4] {
+        let value = |corner: u32| values.get(corner as usize).copied();
+        self.corners.map(|corner| value(corner).unwrap_or_default())
+    }
+
+    /// Adds the derivatives of `value`, those by its shape to `shape`.
     fn pull_back(
         &self,
         tape: &CollisionTape,
         places: Places<'_>,
         value: Value,
         by: &mut PlaceSlopes<'_>,
-        anchors: &mut Vec<AnchorSlope>,
+        shape: &mut ShapeSlopes,
     ) {
-        let wings = match tape.share {
+        let cloth = places.end.len();
+        let is_cloth = self.corners.map(|corner| (corner as usize) < cloth);
+        let mut numbers = [0.0; FORCE];
+        numbers[..NORMAL].copy_from_slice(&self.weights);
+        set(&mut numbers, NORMAL, self.normal);
+        numbers[GAP] = self.gap;
+        set(&mut numbers, DRIFT, self.drift);
+        (numbers[MEAN_MASS], numbers[MASS]) = (self.mean_mass, self.mass);
+        if let PairLaw::Barrier { share } = self.law {
+            numbers[SHARE] = share;
+        }
+        numbers[HALF] = self.at.unwrap_or_default();
+        let pull = tape.anchor.map_or(DVec3::ZERO, |anchor| anchor.pull);
+        set(&mut numbers, ANCHOR, pull);
+        numbers[PRESSED] = self.pressure.pressed;
+        let wanted = |number: usize| match number {
+            ..NORMAL => tape.has_way && is_cloth[number],
+            GAP => true,
+            DRIFT..MEAN_MASS => tape.has_way && is_cloth.contains(&false),
+            NORMAL..SHARE => tape.has_way,
+            SHARE => tape.has_share,
+            HALF => matches!(tape.at, At::Half),
+            ANCHOR..SLID | PRESSED => tape.anchor.is_some(),
+            SLID.. => tape.slid.is_some(),
+            _ => true,
+        };
+        let slopes = slopes_of(&numbers, wanted, |numbers| {
+            self.value(tape, places, value, numbers)
+        });
+        for (sum, slope) in shape.iter_mut().zip(slopes) {
+            *sum += slope;
+        }
+        let [expected, end, slid] = [EXPECTED, END, SLID].map(|first| slope(&slopes, first));
+        for k in (0..4).filter(|k| is_cloth[*k]) {
+            let (corner, weight) = (self.corners[k] as usize, self.weights[k]);
+            by.start[corner] -= (expected + end + slid) * weight;
+            by.expected[corner] += expected * weight;
+            by.end[corner] += end * weight;
+            if let Some((solve, _)) = tape.slid.as_deref() {
+                by.estimates[*solve][corner] += slid * (weight / places.point);
+                by.start[corner] += slid * (weight * (1.0 - 1.0 / places.point));
+            }
+        }
+        if let Some(anchor) = tape.anchor {
+            by.anchors.push(AnchorSlope {
+                of: anchor.of,
+                normal: anchor.normal,
+                by: slope(&slopes, ANCHOR),
+                by_pressed: slopes[PRESSED],
+            });
+        }
+    }
+
+    /// Adds the derivatives by what the shape came from, of these `slopes` by its numbers.
+    fn pull_shape(&self, from: &ShapeTape, slopes: &ShapeSlopes, by: &mut PlaceSlopes<'_>) {
+        let wings = match from.share {
             Share::Edges(wings) => wings,
             Share::Fixed | Share::Round => Default::default(),
         };
-        let mut vectors = [DVec3::ZERO; VECTORS];
-        vectors[STARTS..ENDS].copy_from_slice(&tape.starts);
-        vectors[ENDS..WINGS].copy_from_slice(&tape.way.map_or(tape.ends, |way| way.to));
-        for (into, wing) in vectors[WINGS..].iter_mut().zip(wings.as_flattened()) {
-            *into = wing.map_or(DVec3::ZERO, |(_, place)| place);
+        let wings = wings.as_flattened();
+        let (by_ends, solve) = from.way.map_or(([0.0; 3], 0), |way| (way.by, way.solve));
+        let to = from.way.map_or(from.ends, |way| way.to);
+        let mut numbers = [0.0; CAME_FROM];
+        for k in 0..4 {
+            set(&mut numbers, STARTS + 3 * k, from.starts[k]);
+            set(&mut numbers, ENDS + 3 * k, to[k]);
+            let wing = wings[k].map_or(DVec3::ZERO, |(_, place)| place);
+            set(&mut numbers, WINGS + 3 * k, wing);
         }
-        vectors[ANCHOR] = tape.anchor.map_or(DVec3::ZERO, |anchor| anchor.pull);
-        let (by_ends, solve) = tape.way.map_or(([0.0; 3], 0), |way| (way.by, way.solve));
-        let is_wanted = |number: &usize| match *number {
-            ENDS..WINGS => !tape.is_cloth[number - ENDS] || by_ends != [0.0; 3],
-            WINGS..EXPECTED => wings.as_flattened()[number - WINGS].is_some(),
-            ANCHOR => tape.anchor.is_some(),
-            SLID => tape.slid.is_some(),
+        numbers[INVERSE..].copy_from_slice(&from.inverse);
+        let has_way = from.way.is_some();
+        let wanted = |number: usize| match number {
+            ENDS..WINGS => has_way && (!from.is_cloth[(number - ENDS) / 3] || by_ends != [0.0; 3]),
+            WINGS..INVERSE => wings[(number - WINGS) / 3].is_some(),
+            INVERSE.. => has_way && numbers[number] > 0.0,
             _ => true,
         };
-        let wanted: Vec<usize> = (0..VECTORS).filter(is_wanted).collect();
-        // A number that has a rate where no vectors have.
-        let number = |moved: &[usize], value: f64, place: usize, rate: f64| {
-            let mut rates = [0.0; RATES];
-            rates[place] = if moved.is_empty() { rate } else { 0.0 };
-            Dual { value, rates }
-        };
-        let inputs = |moved: &[usize]| Inputs {
-            vectors: std::array::from_fn(|number| {
-                let first = moved.iter().position(|own| *own == number).map(|k| 3 * k);
-                let rate = |k: usize| match first {
-                    Some(first) if (first..first + 3).contains(&k) => DVec3::AXES[k - first],
-                    _ => DVec3::ZERO,
-                };
-                DualVector::<RATES>::new(vectors[number], std::array::from_fn(rate))
-            }),
-            inverse: std::array::from_fn(|k| {
-                let rate = -tape.inverse[k] * tape.inverse[k];
-                number(moved, tape.inverse[k], k, rate)
-            }),
-            pressed: number(moved, self.pressure.pressed, 4, 1.0),
-            has_wing: wings.map(|wings| wings.map(|wing| wing.is_some())),
-        };
-        let mut slopes = [DVec3::ZERO; VECTORS];
-        for moved in wanted.chunks(TOGETHER) {
-            let rates = self.value(tape, places, value, &inputs(moved)).rates;
-            for (number, rates) in moved.iter().zip(rates.as_chunks().0) {
-                slopes[*number] = DVec3::from_array(*rates);
+        let slopes = slopes_of(&numbers, wanted, |numbers| {
+            let mut value = numbers[0].same(0.0);
+            for (number, slope) in self.shape(from, slopes, numbers).iter().zip(slopes) {
+                value = value + *number * *slope;
             }
-        }
-        let by_numbers = self.value(tape, places, value, &inputs(&[])).rates;
+            value
+        });
         for k in 0..4 {
-            let (start, end) = (slopes[STARTS + k], slopes[ENDS + k]);
-            if !tape.is_cloth[k] {
-                if let Some(obstacle) = tape.obstacle {
-                    by.obstacles[obstacle][0].push(tape.starts[k], start);
-                    by.obstacles[obstacle][1].push(tape.ends[k], end);
+            let [start, end] = [STARTS, ENDS].map(|first| slope(&slopes, first + 3 * k));
+            if !from.is_cloth[k] {
+                if let Some(obstacle) = from.obstacle {
+                    by.obstacles[obstacle][0].push(from.starts[k], start);
+                    by.obstacles[obstacle][1].push(from.ends[k], end);
                 }
                 continue;
             }
@@ -287,83 +374,89 @@ impl Collision {
             if by_estimate != 0.0 {
                 by.estimates[solve][corner] += end * by_estimate;
             }
-            by.masses[corner] += by_numbers[k];
-            by.expected[corner] += slopes[EXPECTED] * self.weights[k];
-            by.end[corner] += slopes[END] * self.weights[k];
-            if let Some((solve, _)) = tape.slid {
-                by.estimates[solve][corner] += slopes[SLID] * (self.weights[k] / places.point);
-                by.start[corner] += slopes[SLID] * (self.weights[k] * (1.0 - 1.0 / places.point));
-            }
+            by.masses[corner] -= slopes[INVERSE + k] * from.inverse[k] * from.inverse[k];
         }
-        for (wing, slope) in wings.as_flattened().iter().zip(&slopes[WINGS..]) {
+        for (k, wing) in wings.iter().enumerate() {
             let Some((vertex, place)) = wing else {
                 continue;
             };
-            match (by.start.get_mut(*vertex), tape.obstacle) {
-                (Some(sum), _) => *sum += *slope,
-                (None, Some(obstacle)) => by.obstacles[obstacle][0].push(*place, *slope),
+            let slope = slope(&slopes, WINGS + 3 * k);
+            match (by.start.get_mut(*vertex), from.obstacle) {
+                (Some(sum), _) => *sum += slope,
+                (None, Some(obstacle)) => by.obstacles[obstacle][0].push(*place, slope),
                 (None, None) => {}
             }
         }
-        if let Some(anchor) = tape.anchor {
-            anchors.push(AnchorSlope {
-                of: anchor.of,
-                normal: anchor.normal,
-                by: slopes[ANCHOR],
-                by_pressed: by_numbers[4],
-            });
-        }
     }
 
-    /// Direction, weights and masses.
-    fn shape<N: Real>(&self, tape: &CollisionTape, inputs: &Inputs<N>, one: N) -> Shape<N> {
-        let (starts, to) = (inputs.four(STARTS), inputs.four(ENDS));
-        let Some(way) = tape.way else {
+    /// The numbers of the shape that have `slopes`, from those from which it comes.
+    fn shape<N: Real>(
+        &self,
+        from: &ShapeTape,
+        slopes: &ShapeSlopes,
+        numbers: &[N; CAME_FROM],
+    ) -> [N; SHAPE] {
+        let one = numbers[0].same(1.0);
+        let starts = four(numbers, STARTS);
+        let to = four(numbers, ENDS);
+        let mut shape = [one.same(0.0); SHAPE];
+        let (all_weights, normal);
+        if let Some(way) = from.way {
+            let met = way.places::<N>(from.kind, from.radius, from.starts, [starts, to]);
+            all_weights = weights::<N>(from.kind, met);
+            let zero = lift(one, DVec3::ZERO);
+            let (mut between, mut apart, mut drift) = (zero, zero, zero);
+            let (mut squares, mut weighted, mut inverse) =
+                (one.same(0.0), one.same(0.0), one.same(0.0));
+            for (k, weight) in all_weights.into_iter().enumerate() {
+                between = between + met[k] * weight;
+                apart = apart + starts[k] * weight;
+                if !from.is_cloth[k] {
+                    drift = drift + (to[k] - starts[k]) * weight;
+                }
+                if from.inverse[k] > 0.0 {
+                    let (square, own) = (weight * weight, numbers[INVERSE + k]);
+                    squares = squares + square;
+                    weighted = weighted + square / own;
+                    inverse = inverse + square * own;
+                }
+            }
+            normal = between / between.dot(between).sqrt();
+            let [x, y, z] = normal.components();
+            let turned = lift(one, from.turn.x_axis) * x
+                + lift(one, from.turn.y_axis) * y
+                + lift(one, from.turn.z_axis) * z;
+            shape[WEIGHTS..NORMAL].copy_from_slice(&all_weights);
+            shape[NORMAL..GAP].copy_from_slice(&[x, y, z]);
+            shape[GAP] = apart.dot(normal) - from.radius;
+            shape[DRIFT..MEAN_MASS].copy_from_slice(&(drift + turned).components());
+            shape[MEAN_MASS] = weighted / squares;
+            shape[MASS] = one.same(1.0) / inverse;
+        } else {
+            all_weights = self.weights.map(|weight| one.same(weight));
+            normal = lift(one, self.normal);
             let mut gap = one.same(self.gap);
             for (k, start) in starts.into_iter().enumerate() {
-                let moved = start - lift(one, tape.starts[k]);
-                gap = gap + moved.dot(lift(one, self.normal)) * self.weights[k];
+                gap = gap + (start - lift(one, from.starts[k])).dot(normal) * self.weights[k];
             }
-            return Shape {
-                weights: self.weights.map(|weight| one.same(weight)),
-                normal: lift(one, self.normal),
-                gap,
-                drift: lift(one, self.drift),
-                mean_mass: one.same(self.mean_mass),
-                mass: one.same(self.mass),
-            };
+            shape[GAP] = gap;
+        }
+        shape[SHARE] = match from.share {
+            _ if slopes[SHARE] == 0.0 => one.same(0.0),
+            Share::Fixed => one.same(0.0),
+            Share::Edges(wings) => {
+                let places = four(numbers, WINGS);
+                let wing =
+                    |edge: usize, side: usize| wings[edge][side].map(|_| places[2 * edge + side]);
+                let wings = [[wing(0, 0), wing(0, 1)], [wing(1, 0), wing(1, 1)]];
+                edge_share(starts, wings, all_weights, normal, self.thickness)
+            }
+            Share::Round => round_share(from.kind, starts, self.thickness),
         };
-        let met = way.places::<N>(tape.kind, tape.radius, tape.starts, [starts, to]);
-        let weights = weights::<N>(tape.kind, met);
-        let zero = lift(one, DVec3::ZERO);
-        let (mut between, mut apart, mut drift) = (zero, zero, zero);
-        let (mut squares, mut weighted, mut inverse) =
-            (one.same(0.0), one.same(0.0), one.same(0.0));
-        for (k, weight) in weights.into_iter().enumerate() {
-            between = between + met[k] * weight;
-            apart = apart + starts[k] * weight;
-            drift =
-                drift + (to[k] - starts[k]) * if tape.is_cloth[k] { one.same(0.0) } else { weight };
-            if tape.inverse[k] > 0.0 {
-                let square = weight * weight;
-                squares = squares + square;
-                weighted = weighted + square / inputs.inverse[k];
-                inverse = inverse + square * inputs.inverse[k];
-            }
+        if slopes[HALF] != 0.0 {
+            shape[HALF] = (distance::<N>(from.kind, starts) - from.radius) * 0.5;
         }
-        let normal = between / between.dot(between).sqrt();
-        let [x, y, z] = normal.components();
-        let turned = lift(one, tape.turn.x_axis) * x
-            + lift(one, tape.turn.y_axis) * y
-            + lift(one, tape.turn.z_axis) * z;
-        Shape {
-            weights,
-            normal,
-            gap: apart.dot(normal) - tape.radius,
-            drift: drift + turned,
-            mean_mass: weighted / squares,
-            mass: one.same(1.0) / inverse,
-        }
+        shape
     }
 
     fn value<N: Real>(
@@ -371,63 +464,55 @@ impl Collision {
         tape: &CollisionTape,
         places: Places<'_>,
         value: Value,
-        inputs: &Inputs<N>,
+        numbers: &[N; FORCE],
     ) -> N {
-        let one = inputs.inverse[0].same(1.0);
-        let starts = inputs.four(STARTS);
-        let shape = self.shape(tape, inputs, one);
-        let normal = shape.normal;
+        let one = numbers[0].same(1.0);
+        let (normal, gap) = (vector(numbers, NORMAL), numbers[GAP]);
+        let starts = self.of_cloth(places.start);
         // Displacements of the first side against the second since the start.
-        let displacement = |all: [DVec3; 4], further: N::Vector, part: f64| {
-            let mut sum = shape.drift * one.same(part) + further;
-            for k in (0..4).filter(|k| tape.is_cloth[*k]) {
-                sum = sum + (lift(one, all[k]) - starts[k]) * shape.weights[k];
+        let displacement = |all: [DVec3; 4], further: usize, part: f64| {
+            let drift: N::Vector = vector(numbers, DRIFT);
+            let mut sum = drift * one.same(part) + vector(numbers, further);
+            for k in 0..4 {
+                sum = sum + lift(one, all[k] - starts[k]) * numbers[WEIGHTS + k];
             }
             sum
         };
-        let at = |all: &[DVec3]| tape.of_cloth(self, all);
-        let expected = displacement(at(places.expected), inputs.vectors[EXPECTED], 1.0);
-        let end = displacement(at(places.end), inputs.vectors[END], places.part);
-        let gap_at = |displacement: N::Vector| shape.gap + normal.dot(displacement);
+        let expected = displacement(self.of_cloth(places.expected), EXPECTED, 1.0);
+        let end = displacement(self.of_cloth(places.end), END, places.part);
+        let gap_at = |displacement: N::Vector| gap + normal.dot(displacement);
         let (gamma, time) = (places.gamma, places.time);
-        let share = match self.law {
-            PairLaw::Barrier { share } => share,
-            PairLaw::Out => return self.value_out(value, end, one),
-        };
-        let thickness = self.thickness;
-        let share = match tape.share {
-            Share::Fixed => one.same(share),
-            Share::Edges(_) => edge_share(starts, inputs.wings(), shape.weights, normal, thickness),
-            Share::Round => round_share(tape.kind, starts, thickness),
-        };
-        let pressure = self.pressure.with(inputs.pressed);
-        let inertia = shape.mass * (1.0 / (time * time));
+        if let PairLaw::Out = self.law {
+            return self.value_out(value, end, one);
+        }
+        let pressure = self.pressure.with(numbers[PRESSED]);
+        let inertia = numbers[MASS] * (1.0 / (time * time));
         let barrier = Barrier {
             thickness: self.thickness,
-            base: shape.mean_mass * (1.0 / (time * time)),
-            share,
-            inertia: shape.mass * (1.0 / (gamma * gamma)),
+            base: numbers[MEAN_MASS] * (1.0 / (time * time)),
+            share: numbers[SHARE],
+            inertia: numbers[MASS] * (1.0 / (gamma * gamma)),
             pressure,
             recovery: RECOVERY / time,
         };
         let estimate = gap_at(expected);
         let tangent: Tangent<N> = match self.at {
-            None => barrier.linearise(shape.gap, estimate),
-            Some(gap) => {
+            None => barrier.linearise(gap, estimate),
+            Some(at) => {
                 let at = match tape.at {
-                    At::Fixed => one.same(gap),
-                    At::Start => shape.gap,
-                    At::Half => (distance::<N>(tape.kind, starts) - tape.radius) * 0.5,
+                    At::Fixed => one.same(at),
+                    At::Start => gap,
+                    At::Half => numbers[HALF],
                 };
-                barrier.at(at, shape.gap)
+                barrier.at(at, gap)
             }
         };
-        let firm = pressure.firm(shape.gap, self.thickness);
+        let firm = pressure.firm(gap, self.thickness);
         let grip = match firm {
             Some(firm) => inertia.greater(firm.stiffness * SHEAR),
             None => inertia,
         };
-        let pull = across::<N>(normal, inputs.vectors[ANCHOR]);
+        let pull = across::<N>(normal, vector(numbers, ANCHOR));
         let slip_at = |displacement: N::Vector| across::<N>(normal, pull / grip + displacement);
         let zero = one.same(0.0);
         let slip = slip_at(end);
@@ -435,7 +520,7 @@ impl Collision {
             Value::Work(multipliers) => multipliers,
             Value::Anchor(by, by_pressed) => {
                 let (gap, way) = (gap_at(end), end.dot(end).sqrt());
-                let pressed = pressure.pressed_after(places.part * time, way, gap, thickness);
+                let pressed = pressure.pressed_after(places.part * time, way, gap, self.thickness);
                 let pressed = pressed * by_pressed;
                 let most = tangent.force_at(gap).at_least(0.0) * self.friction;
                 let pull = grip * slip.dot(slip).sqrt();
@@ -455,13 +540,13 @@ impl Collision {
             direction * -most - turned * (most / length)
         };
         let first = slip_at(expected);
-        let most = barrier.bears(&tangent, shape.gap, estimate) * self.friction;
+        let most = barrier.bears(&tangent, gap, estimate) * self.friction;
         let drag = match self.sticking {
             Sticking::Unknown | Sticking::Light => slides(first, most),
             Sticking::Sticks => slip * -grip,
             Sticking::Slides(at, bound) => {
-                let there = tape.slid.map(|(_, places)| {
-                    let there = displacement(places, inputs.vectors[SLID], 1.0);
+                let there = tape.slid.as_deref().map(|(_, places)| {
+                    let there = displacement(*places, SLID, 1.0);
                     let most = tangent.force_at(gap_at(there)).at_least(0.0) * self.friction;
                     (slip_at(there), most)
                 });
@@ -479,7 +564,7 @@ impl Collision {
         let force = normal * tangent.force_at(gap_at(end)) + drag;
         let mut work = zero;
         for (k, multiplier) in by.into_iter().enumerate() {
-            work = work + lift(one, multiplier).dot(force) * shape.weights[k];
+            work = work + lift(one, multiplier).dot(force) * numbers[WEIGHTS + k];
         }
         work * gamma
     }
@@ -495,9 +580,4 @@ impl Collision {
         let work: f64 = work.map(|(by, weight)| by.dot(self.normal) * weight).sum();
         force * (work * self.response.gamma)
     }
-}
-
-#[cfg(test)]
-mod tests {
-    // see below
 }

@@ -9,7 +9,7 @@ use super::barrier::LEAST;
 use super::collisions::{Collision, Met, PairLaw, Sticking};
 use super::narrow_phase::{edge_share, round_share};
 use super::real::Real;
-use crate::integrator::Tape;
+use crate::integrator::{SolveTape, Tape};
 
 /// Difference of a direction from which it is not what the start tells.
 const SAME: f64 = 1e-7;
@@ -17,6 +17,30 @@ const SAME: f64 = 1e-7;
 /// What a collision of a recorded substep came from.
 #[derive(Clone, Debug)]
 pub(crate) struct CollisionTape {
+    pub(super) shape: ShapeOrigin,
+    /// Direction, weights and masses have derivatives, and the part of the barrier has.
+    pub(super) has_way: bool,
+    pub(super) has_share: bool,
+    pub(super) at: At,
+    /// Of friction that slides as an earlier solve has shown: the number of that, and where the cloth's corners
+    /// ended `[m]`.
+    pub(super) slid: Option<Box<(usize, [DVec3; 4])>>,
+    /// The anchor from which it has its pull.
+    pub(super) anchor: Option<FrictionAnchor>,
+}
+
+/// Where the shape of a collision comes from.
+#[derive(Clone, Debug)]
+pub(super) enum ShapeOrigin {
+    /// The places of its corners.
+    Own(Box<ShapeTape>),
+    /// The collision of this number in the solve before.
+    Earlier(usize),
+}
+
+/// What direction, weights, gap and masses of a collision came from.
+#[derive(Clone, Debug)]
+pub(super) struct ShapeTape {
     pub(super) kind: Kind,
     /// Corners at the start of the substep, and at its end, if they are of an obstacle `[m]`.
     pub(super) starts: [DVec3; 4],
@@ -32,12 +56,6 @@ pub(crate) struct CollisionTape {
     /// The way on which the pair meets; none where its direction and weights count as decided.
     pub(super) way: Option<Way>,
     pub(super) share: Share,
-    pub(super) at: At,
-    /// Of friction that slides as an earlier solve has shown: the number of that, and where the cloth's corners
-    /// ended `[m]`.
-    pub(super) slid: Option<(usize, [DVec3; 4])>,
-    /// The anchor from which it has its pull.
-    pub(super) anchor: Option<FrictionAnchor>,
 }
 
 /// The way on which a pair meets, or comes no nearer than this `distance` `[m]`.
@@ -85,9 +103,8 @@ impl Contact {
         let (gamma, stages) = (substep.gamma, &mut substep.stages);
         // Where the solve before ended, and what pushed in it.
         let mut before: Vec<DVec3> = Vec::new();
-        let mut last: Vec<(Collision, CollisionTape)> = Vec::new();
+        let mut last: Option<&SolveTape> = None;
         for (number, solve) in stages.iter_mut().flatten().enumerate() {
-            let list = solve.collisions.list.iter();
             let way = |collision: &Collision| {
                 let to = |end: &dyn Fn(usize) -> DVec3| {
                     collision.corners.map(|corner| {
@@ -116,54 +133,56 @@ impl Contact {
                     },
                 }
             };
-            solve.came_from = list
-                .map(|collision| {
-                    let same = |(own, _): &&(Collision, CollisionTape)| own.pair == collision.pair;
-                    let known = || last.iter().filter(same);
-                    let goes_on = known().find(|(own, _)| own.normal == collision.normal);
-                    let way = goes_on.map_or_else(|| Some(way(collision)), |(_, tape)| tape.way);
-                    let mut tape = self.collision_tape(collision, way);
-                    let is_half = |(own, _): &(Collision, CollisionTape)| {
-                        let is_start = matches!(own.met, Met::Start);
-                        is_start
-                            && collision.at == Some(0.5 * own.gap)
-                            && own.response.tangent.gap == own.gap
-                    };
-                    let is_sliding = matches!(collision.sticking, Sticking::Slides(..));
-                    tape.slid = match goes_on {
-                        Some((own, _)) if is_sliding && !own.slides_as(collision) => {
-                            let end = |k: usize| before.get(collision.corners[k] as usize).copied();
-                            let ends = std::array::from_fn(|k| end(k).unwrap_or_default());
-                            Some((number - 1, ends))
-                        }
-                        Some((_, tape)) => tape.slid,
-                        None => None,
-                    };
-                    tape.at = match collision.at {
-                        Some(at) if at == collision.gap => At::Start,
-                        Some(_) if known().any(is_half) => At::Half,
-                        _ => goes_on.map_or(At::Fixed, |(_, tape)| tape.at),
-                    };
-                    tape
-                })
-                .collect();
-            last = solve
-                .collisions
-                .list
-                .iter()
-                .cloned()
-                .zip(solve.came_from.iter().cloned())
-                .collect();
+            let tape = |collision: &Collision| {
+                let known = || {
+                    let pushed = last.map_or(&[][..], |solve| &solve.collisions.list);
+                    let all = pushed.iter().enumerate();
+                    all.filter(|(_, own)| own.pair == collision.pair)
+                };
+                let goes_on = known().find(|(_, own)| own.is_shaped_as(collision));
+                let earlier = goes_on.and_then(|(k, own)| Some((own, k, last?.came_from.get(k)?)));
+                let mut tape = match earlier {
+                    Some((_, k, earlier)) => CollisionTape {
+                        shape: ShapeOrigin::Earlier(k),
+                        ..earlier.clone()
+                    },
+                    None => self.collision_tape(collision, way(collision)),
+                };
+                let is_half = |(_, own): (usize, &Collision)| {
+                    let is_start = matches!(own.met, Met::Start);
+                    is_start
+                        && collision.at == Some(0.5 * own.gap)
+                        && own.response.tangent.gap == own.gap
+                };
+                let is_sliding = matches!(collision.sticking, Sticking::Slides(..));
+                if let Some((own, ..)) = earlier.filter(|_| is_sliding)
+                    && !own.slides_as(collision)
+                {
+                    let end = |corner: u32| before.get(corner as usize).copied();
+                    let ends = collision
+                        .corners
+                        .map(|corner| end(corner).unwrap_or_default());
+                    tape.slid = Some(Box::new((number - 1, ends)));
+                }
+                tape.at = match collision.at {
+                    Some(at) if at == collision.gap => At::Start,
+                    Some(_) if known().any(is_half) => At::Half,
+                    _ => tape.at,
+                };
+                tape
+            };
+            solve.came_from = solve.collisions.list.iter().map(tape).collect();
             let places = solve.at.positions.iter().zip(&solve.changes).enumerate();
             let end = |(v, (at, change)): (usize, (&DVec3, &DVec3))| {
                 let start = self.start[v];
                 start + (*at + *change * gamma - start) / point
             };
             before = places.map(end).collect();
+            last = Some(solve);
         }
     }
 
-    fn collision_tape(&self, collision: &Collision, way: Option<Way>) -> CollisionTape {
+    fn collision_tape(&self, collision: &Collision, way: Way) -> CollisionTape {
         let corners = collision.corners.map(|corner| corner as usize);
         let is_cloth = corners.map(|corner| corner < self.mass.len());
         let starts = corners.map(|corner| self.start[corner]);
@@ -183,13 +202,12 @@ impl Contact {
             Some(own) => self.bodies.turns[own] * (-radius * self.bodies.part),
             None => DMat3::ZERO,
         };
-        let met = way.map(|way| way.places::<f64>(kind, radius, starts, [starts, way.to]));
-        let way = way.filter(|_| {
-            met.is_some_and(|met| gap(kind, met).normal.distance(collision.normal) < SAME)
-        });
+        let met = way.places::<f64>(kind, radius, starts, [starts, way.to]);
+        let has_way = gap(kind, met).normal.distance(collision.normal) < SAME;
+        let share = self.share_tape(collision, &pair, radius > 0.0, met);
         let mut anchors = self.memory.anchors.iter();
         let is_own = |anchor: &&FrictionAnchor| collision.goes_on_from(anchor);
-        CollisionTape {
+        let shape = ShapeTape {
             kind,
             starts,
             ends: std::array::from_fn(end),
@@ -198,10 +216,15 @@ impl Contact {
             inverse: corners.map(|corner| self.inverse[corner]),
             radius,
             turn,
-            way,
+            way: has_way.then_some(way),
+            share,
+        };
+        CollisionTape {
+            shape: ShapeOrigin::Own(Box::new(shape)),
+            has_way,
+            has_share: !matches!(share, Share::Fixed),
             at: At::Fixed,
             slid: None,
-            share: self.share_tape(collision, &pair, radius > 0.0, met),
             anchor: anchors.find(is_own).copied(),
         }
     }
@@ -212,7 +235,7 @@ impl Contact {
         collision: &Collision,
         pair: &Pair,
         is_round: bool,
-        met: Option<[DVec3; 4]>,
+        met: [DVec3; 4],
     ) -> Share {
         let PairLaw::Barrier { share } = collision.law else {
             return Share::Fixed;
@@ -228,7 +251,7 @@ impl Contact {
                 .wings(pair)
                 .map(|wings| wings.map(|wing| wing.map(|vertex| (vertex, self.start[vertex]))));
             let places = wings.map(|wings| wings.map(|wing| wing.map(|(_, place)| place)));
-            let weights = weights::<f64>(pair.kind, met.unwrap_or(starts));
+            let weights = weights::<f64>(pair.kind, met);
             let normal = collision.normal;
             let found = edge_share::<f64>(starts, places, weights, normal, thickness);
             (Share::Edges(wings), found)

@@ -217,6 +217,13 @@ impl Collision {
         self.anchored == Some(anchor.of) && anchor.normal.dot(self.normal) > SAME_SIDE
     }
 
+    /// Returns true if it pushes where this one of the same pair does.
+    pub(super) fn is_shaped_as(&self, other: &Self) -> bool {
+        self.normal == other.normal
+            && self.weights == other.weights
+            && self.anchored == other.anchored
+    }
+
     /// Returns true if its friction slides as that of this one.
     pub(super) fn slides_as(&self, other: &Self) -> bool {
         match (self.sticking, other.sticking) {

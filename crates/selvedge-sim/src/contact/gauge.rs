@@ -30,7 +30,6 @@ pub struct FrameContact {
 
 impl ContactGauge {
     /// The gauge of a validated scene; none if that has no contact.
-    #[must_use]
     pub fn of(scene: &Scene) -> Option<Self> {
         Some(Self {
             contact: Contact::of(scene, &vec![0.0; scene.mesh.positions().len()])?,
@@ -41,7 +40,6 @@ impl ContactGauge {
     }
 
     /// The same gauge, which leaves out contact that was released in the frames in which it was.
-    #[must_use]
     pub fn without(mut self, yielded: &[YieldedContact]) -> Self {
         self.yielded = yielded.to_vec();
         self

@@ -36,7 +36,7 @@ use selvedge_contact::{Candidates, CollisionMesh, Gap, Intersection, Pair, Swept
 use crate::active_handles::ActiveHandles;
 use crate::state::State;
 pub use backward::ObstacleSlope;
-pub(crate) use backward::{AnchorSlope, PlaceSlopes, Places};
+pub(crate) use backward::{AnchorSlope, PlaceSlopes, Places, ShapeSlopes};
 pub(crate) use came_from::CollisionTape;
 pub(crate) use collisions::{Collisions, to_single};
 use distance_cache::{PairCache, PathLengths};
@@ -357,14 +357,6 @@ impl Contact {
         self.received.carried.clear();
         self.memory = memory;
         self.leave_out_released();
-    }
-
-    /// Drops what the last substep left, but for what is released: friction takes hold anew.
-    pub(crate) fn forget(&mut self) {
-        self.memory = ContactMemory {
-            released: std::mem::take(&mut self.memory.released),
-            ..ContactMemory::default()
-        };
     }
 
     /// What each obstacle received since [`Self::forget_received`], `[obstacles]`.

@@ -156,7 +156,8 @@ impl Tape {
             let solves = || substep.stages.iter().flatten();
             let states = 2 + 2 * usize::from(substep.before.is_some()) + 3 * solves().count();
             let vectors = states * substep.start.positions.len() + substep.targets.len();
-            let touching: usize = solves().map(|solve| solve.collisions.bytes()).sum();
+            let touching = solves().map(|solve| solve.collisions.bytes(&solve.came_from));
+            let touching: usize = touching.sum();
             vectors * size_of::<DVec3>() + touching
         });
         vectors.sum()

@@ -51,7 +51,6 @@ impl BendElement {
     ///
     /// Rows of the table are read at the edge's direction, folded into 0 to 90° from the course
     /// axis and linear between 0, 45 and 90°. `[eq:bend-direction]`
-    #[must_use]
     pub fn new(table: &BendTable, corners: [DVec2; 4]) -> Self {
         let [from, to, left, right] = corners;
         let side = |opposite| {
@@ -69,7 +68,6 @@ impl BendElement {
     /// The element of an edge that its two faces see in patterns or fabrics of their own, each with
     /// the table of its fabric: its stiffness is the mean of the two sides', each read in its own
     /// direction. `[eq:seam-bending]`
-    #[must_use]
     pub fn across(sides: [(&BendTable, EdgeSide<DVec2>); 2]) -> Self {
         let along = |side: EdgeSide<DVec2>| side.ends[1] - side.ends[0];
         let [left, right] = sides.map(|(table, side)| stiffness_along(table, along(side)));
@@ -83,13 +81,11 @@ impl BendElement {
     }
 
     /// The same element with this rest angle `[rad]`. `[eq:rest-angle]`
-    #[must_use]
     pub fn resting_at(self, rest_angle: f64) -> Self {
         Self { rest_angle, ..self }
     }
 
     /// The same element, `factor` times as stiff.
-    #[must_use]
     pub fn stiffened(mut self, factor: f64) -> Self {
         self.stiffness.iter_mut().for_each(|k| *k *= factor);
         self
@@ -98,7 +94,6 @@ impl BendElement {
     /// Bending stiffness ke `[N·m]` at a dimensionless curvature: linear between columns ⌊value⌋
     /// (0 to 3) and the next, value at most 4, never negative. Below 0 the first columns are
     /// extrapolated. `[eq:bend-table]`
-    #[must_use]
     #[inline(always)]
     pub fn stiffness_at(&self, curvature: f64) -> f64 {
         let value = curvature.at_most((COLUMNS - 1) as f64);
@@ -112,7 +107,6 @@ impl BendElement {
     /// coeff = ke l²/(2 (a_A + a_B)), ke read at 0.1 |θ - θ₀| l/(a_A + a_B), l the edge's length in
     /// the pattern. [`ElasticLaw::Measured`] takes the length now, and so does
     /// [`ElasticLaw::Arcsim`], which reads ke at θ - θ₀ whatever its sign. `[eq:bend-stiffness]`
-    #[must_use]
     #[inline(always)]
     pub fn respond(&self, law: ElasticLaw, corners: [DVec3; 4]) -> BendResponse {
         if law == ElasticLaw::Energy {
@@ -137,7 +131,6 @@ impl BendElement {
 
     /// Energy of [`ElasticLaw::Energy`] at these corner positions `[J]`: ∫ coeff/2 φ dφ from 0 to
     /// |θ - θ₀|, in closed form between two columns of the table. `[eq:bend-energy]`
-    #[must_use]
     pub fn energy(&self, corners: [DVec3; 4]) -> f64 {
         let [from, to, left, right] = corners;
         let angle = beyond(dihedral_angle(from, to, left, right), self.rest_angle).abs();
@@ -183,7 +176,6 @@ impl<N: Number> BendElement<N> {
     }
 
     /// [`BendElement::respond`] by [`ElasticLaw::Energy`].
-    #[must_use]
     #[inline(always)]
     pub(crate) fn respond_by_energy(&self, corners: [N::Vector; 4]) -> BendResponse<N> {
         let (area, length) = (self.area, self.length);
@@ -326,7 +318,6 @@ fn angle_of<N: Number>(corners: [N::Vector; 4]) -> N {
 
 impl<N: Number> BendResponse<N> {
     /// ∂θ/∂x applied to one vector per corner.
-    #[must_use]
     #[inline(always)]
     pub fn rate(&self, vectors: [N::Vector; 4]) -> N {
         let [a, b, c, d] = self.gradient;
@@ -336,7 +327,6 @@ impl<N: Number> BendResponse<N> {
 
 impl BendResponse {
     /// Force on the four corners `[N]`: F = -coeff/2 (θ - θ₀) ∂θ/∂x. `[eq:bend-force]`
-    #[must_use]
     #[inline(always)]
     pub fn force(&self) -> [DVec3; 4] {
         let scale = -self.stiffness * self.angle;
@@ -358,7 +348,6 @@ fn rise<N: Number>(normal: N::Vector, length: N) -> N::Vector {
 /// over the edge and foot points w along it (0 at corner 0, 1 at corner 1), ∂θ/∂x2 = n_A/h_A,
 /// ∂θ/∂x3 = n_B/h_B, ∂θ/∂x0 = -((1-w_A) n_A/h_A + (1-w_B) n_B/h_B), ∂θ/∂x1 = -(w_A n_A/h_A + w_B
 /// n_B/h_B). `[eq:bend-gradient]`
-#[must_use]
 #[inline(always)]
 pub fn angle_gradient<N: Number>(corners: [N::Vector; 4]) -> [N::Vector; 4] {
     let [from, to, left, right] = corners;

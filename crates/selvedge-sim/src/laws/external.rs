@@ -27,7 +27,6 @@ const SLOW_AIR: f64 = 0.05;
 /// as its sway becomes small (8 KC^(-1/3), Graham 1980), and friction on both sides is linear
 /// (Stokes). Together they are 0.04 to 0.2 kg/(m² s) from 0.5 to 10 mm/s at 1 to 3 Hz.
 /// `[eq:slow-air]`
-#[must_use]
 #[inline(always)]
 pub fn slow_air(density: f64) -> f64 {
     density * SLOW_AIR
@@ -64,7 +63,6 @@ impl From<AirLaw> for AirResistance {
 /// D = c · density · area · |v_n| n nᵀ + drag · area · (I - n nᵀ) + slow · area · I, c = 1 for
 /// [`AirResistance::Secant`] and 2 for [`AirResistance::Tangent`]. The force on the face after the
 /// step is F - D Δv, Δv the change of the mean corner velocity. `[eq:air-implicit]`
-#[must_use]
 #[inline(always)]
 pub fn air_response<N: Number>(
     environment: &Environment,
@@ -123,7 +121,6 @@ impl<N: Number> Drag<N> {
     }
 
     /// D times `velocity`, a change of the mean corner velocity `[m/s]`.
-    #[must_use]
     #[inline(always)]
     pub fn resist(&self, velocity: N::Vector) -> N::Vector {
         let [through, along] = self.resistance;
@@ -134,7 +131,6 @@ impl<N: Number> Drag<N> {
 
 impl Drag {
     /// D times `scale`, as a matrix.
-    #[must_use]
     #[inline(always)]
     pub(crate) fn matrix(&self, scale: f64) -> DMat3 {
         let column = |axis: DVec3| self.resist(axis) * scale;

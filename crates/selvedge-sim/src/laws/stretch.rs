@@ -63,7 +63,6 @@ pub struct StretchResponse<N: Number = f64> {
 
 impl StretchElement {
     /// The element of a face with these corners in material space `[m]`; any order of the corners.
-    #[must_use]
     pub fn new(corners: [DVec2; 3]) -> Self {
         let [a, b, c] = corners;
         let (first, second) = (b - a, c - a);
@@ -97,7 +96,6 @@ impl<N: Number> StretchElement<N> {
     }
 
     /// Columns f_u = ∂x/∂u and f_v = ∂x/∂v of the deformation gradient.
-    #[must_use]
     #[inline(always)]
     pub fn gradient(&self, corners: [N::Vector; 3]) -> (N::Vector, N::Vector) {
         let [a, b, c] = corners;
@@ -109,7 +107,6 @@ impl<N: Number> StretchElement<N> {
     }
 
     /// Green strain of corners at these positions `[m]`: G = (FᵀF - I)/2. `[eq:green-strain]`
-    #[must_use]
     #[inline(always)]
     pub fn strain(&self, corners: [N::Vector; 3]) -> Strain<N> {
         let (along_u, along_v) = self.gradient(corners);
@@ -117,7 +114,6 @@ impl<N: Number> StretchElement<N> {
     }
 
     /// Force and Jacobian at these corner positions `[m]`, as [`StretchLaw::at`] has them.
-    #[must_use]
     #[inline(always)]
     pub fn respond(
         &self,
@@ -183,7 +179,6 @@ impl<N: Number> StretchResponse<N> {
 
     /// Force on the three corners `[N]`: F = -a [S00 g_uu + S11 g_vv + 2 S01 g_uv] with
     /// g_uu = d_u ⊗ f_u, g_vv = d_v ⊗ f_v, g_uv = (d_u ⊗ f_v + d_v ⊗ f_u)/2. `[eq:stretch-force]`
-    #[must_use]
     #[inline(always)]
     pub fn force(&self) -> [N::Vector; 3] {
         let (stress, area) = (self.elastic.stress, self.element.area);
@@ -193,7 +188,6 @@ impl<N: Number> StretchResponse<N> {
     }
 
     /// -J applied to one vector per corner.
-    #[must_use]
     #[inline(always)]
     pub fn negative_jacobian_times(&self, vectors: [N::Vector; 3]) -> [N::Vector; 3] {
         let element = &self.element;
@@ -232,7 +226,6 @@ impl<N: Number> StretchResponse<N> {
     /// g = (g_uu, g_vv, g_uv),
     /// -J = a [Σ H_ij g_i g_jᵀ + (T00 d_u d_uᵀ + T11 d_v d_vᵀ + T01 (d_u d_vᵀ + d_v d_uᵀ)) ⊗ I].
     /// `[eq:stretch-jacobian]`
-    #[must_use]
     #[inline(always)]
     pub fn negative_jacobian(&self, row: usize, column: usize) -> [N::Vector; 3] {
         let element = &self.element;

@@ -44,13 +44,11 @@ struct Ramp {
 impl StretchEnergy {
     /// The energy fitted to `table`. A table that says the same at all strains, with k1² ≤ k0 k2,
     /// is met exactly.
-    #[must_use]
     pub fn new(table: &StretchTable) -> Self {
         fit::fit(table)
     }
 
     /// Energy density `[J/m²]` at `strain`.
-    #[must_use]
     pub fn energy(&self, strain: Strain) -> f64 {
         let [c0, c1, c2, c3] = self.constant;
         let Strain { uu, vv, uv } = strain;

@@ -37,7 +37,6 @@ const ROW_MARGIN: f64 = 1e-6;
 /// For C = 2G + I with largest eigenpair (λ, V): w = clamp(6(√λ - 1), 0, 1 - 10⁻⁶),
 /// a = clamp(8|∠V|/π, 0, 4 - 10⁻⁶), k = 2 max(0, (1 - w) row 0 + w (linear in a between rows
 /// 1 + ⌊a⌋ and 2 + ⌊a⌋)). `[eq:stretch-table]`
-#[must_use]
 pub fn measured_stiffness(table: &StretchTable, strain: Strain) -> [f64; 4] {
     let (largest, direction) = principal(strain);
     between_rows(table, largest, direction)
@@ -99,7 +98,6 @@ fn single(value: f64) -> f64 {
 impl GridStiffness {
     /// Samples `table` at G00, G11 = -0.25 + i/30 and |G01| = i/30, i = 0 to 29, each with the
     /// principal direction (part of π) in single precision.
-    #[must_use]
     pub fn new(table: StretchTable) -> Self {
         let normal = |index: usize| GRID_START + index as f64 / SAMPLES_PER_STRAIN;
         let mut samples = Vec::with_capacity(GRID * GRID * GRID);
@@ -160,7 +158,6 @@ fn elastic(strain: Strain, stiffness: [f64; 4], grown: [f64; 4]) -> Elastic {
 impl GridStiffness {
     /// Stiffness (k0, k1, k2, k3) `[N/m]` at `strain`. Trilinear between the samples at (G00, G11, |G01| in single precision); beyond the grid,
     /// that of its rim. `[eq:stretch-grid]`
-    #[must_use]
     #[inline(always)]
     pub fn stiffness(&self, strain: Strain) -> [f64; 4] {
         let [stiffness, _] = self.with_growth(strain);

@@ -86,7 +86,6 @@ impl Simulator {
     }
 
     /// The state now.
-    #[must_use]
     pub fn checkpoint(&self) -> Checkpoint {
         let changes = self.active.system.last_changes();
         let contact = self.contact.as_ref();
@@ -140,8 +139,7 @@ impl Simulator {
     /// Takes all but the obstacles from a checked checkpoint.
     fn put(&mut self, checkpoint: &Checkpoint) {
         self.frame = checkpoint.frame;
-        self.undo = None;
-        self.stop_recording();
+        self.end_recording("going back to a state");
         self.update_wind();
         self.state.positions.copy_from_slice(&checkpoint.positions);
         self.state

@@ -174,29 +174,33 @@ impl Simulator {
     }
 
     /// Leads the obstacle of this number over the next frame away from its own path, by a distance
-    /// `[m]` or a rigid motion of where that is; its points go there straight. A number without an
-    /// obstacle is passed over.
-    pub fn lead_obstacle(&mut self, number: usize, away: impl Into<Rigid>) {
-        if let Some(shift) = self.obstacle_shift(number) {
-            shift.next = away.into();
-        }
+    /// `[m]` or a rigid motion of where that is; its points go there straight.
+    ///
+    /// # Errors
+    /// [`StepError::Obstacle`] for the number of no obstacle.
+    pub fn lead_obstacle(
+        &mut self,
+        number: usize,
+        away: impl Into<Rigid>,
+    ) -> Result<(), StepError> {
+        self.obstacle_shift(number)?.next = away.into();
+        Ok(())
     }
 
     /// Puts the obstacle of this number at a distance `[m]` or by a rigid motion away from its own
     /// path at once, as if it had been there before.
     ///
     /// # Errors
-    /// [`StepError::Intersections`] where it would meet the cloth; it stays where it was.
+    /// [`StepError::Intersections`] where it would meet the cloth, [`StepError::Obstacle`] for the number
+    /// of none; it stays where it was.
     pub fn put_obstacle(&mut self, number: usize, away: impl Into<Rigid>) -> Result<(), StepError> {
         self.wake();
-        let Some(shift) = self.obstacle_shift(number) else {
-            return Ok(());
-        };
+        let shift = self.obstacle_shift(number)?;
         let before = std::mem::replace(shift, Shift::at(away.into()));
         let (frame, positions) = (self.frame, &self.state.positions);
         let met = self.meeting(|contact, rate| contact.intersections(positions, frame, rate));
         let apart = Self::refuse(frame, met);
-        if let (Err(_), Some(shift)) = (&apart, self.obstacle_shift(number)) {
+        if let (Err(_), Ok(shift)) = (&apart, self.obstacle_shift(number)) {
             *shift = before;
         }
         apart
@@ -205,18 +209,24 @@ impl Simulator {
     /// Puts the first obstacles there, away from their own paths, unchecked.
     pub(super) fn shift_obstacles(&mut self, places: &[Rigid]) {
         for (number, place) in places.iter().enumerate() {
-            if let Some(shift) = self.obstacle_shift(number) {
+            if let Ok(shift) = self.obstacle_shift(number) {
                 *shift = Shift::at(*place);
             }
         }
     }
 
-    fn obstacle_shift(&mut self, number: usize) -> Option<&mut Shift> {
-        self.contact.as_mut()?.bodies.shifts.get_mut(number)
+    fn obstacle_shift(&mut self, number: usize) -> Result<&mut Shift, StepError> {
+        let shifts = self.contact.as_mut().map(|c| &mut c.bodies.shifts[..]);
+        let shifts = shifts.unwrap_or_default();
+        let (frame, count) = (self.frame, shifts.len());
+        shifts.get_mut(number).ok_or(StepError::Obstacle {
+            frame,
+            number,
+            count,
+        })
     }
 
     /// Motions from their own paths to where the obstacles are led in the next frame, `[obstacles]`.
-    #[must_use]
     pub fn obstacle_leads(&self) -> Vec<Rigid> {
         let contact = self.contact.iter();
         contact
@@ -226,7 +236,6 @@ impl Simulator {
     }
 
     /// Motions of the obstacles away from their own paths now, `[obstacles]`.
-    #[must_use]
     pub fn obstacle_offsets(&self) -> Vec<Rigid> {
         let contact = self.contact.iter();
         contact
@@ -238,19 +247,16 @@ impl Simulator {
     /// Momentum that each obstacle received from the cloth over the last frame
     /// `[N s]`, `[obstacles]`. Obstacles go on as they are led, whatever they
     /// receive. Vertices that were held back give nothing.
-    #[must_use]
     pub fn obstacle_impulses(&self) -> Vec<DVec3> {
         self.received().iter().map(|one| one.linear).collect()
     }
 
     /// The same with the angular momentum, `[obstacles]`.
-    #[must_use]
     pub fn received(&self) -> &[Impulse] {
         self.contact.as_ref().map_or(&[], |c| c.received())
     }
 
     /// Points of all obstacles now `[m]`, those of the first obstacle first; none without contact.
-    #[must_use]
     pub fn obstacle_points(&self) -> Vec<DVec3> {
         let rate = self.scene.frame_rate;
         let contact = self.contact.as_ref();
@@ -260,7 +266,6 @@ impl Simulator {
     /// Smallest gap of each vertex to the rest of the cloth and to obstacles now `[m]`,
     /// `[vertices]`, [`FAR`] where there is none that small; none without contact. Neighbours in
     /// the mesh count as far.
-    #[must_use]
     pub fn vertex_gaps(&self) -> Option<Vec<f64>> {
         let (frame, rate) = (self.frame, self.scene.frame_rate);
         let positions = &self.state.positions;
@@ -277,7 +282,6 @@ impl Simulator {
 
     /// Contact that was released so far, because bodies left the cloth no room: it is not among
     /// [`Self::intersection_count`].
-    #[must_use]
     pub fn yielded(&self) -> &[YieldedContact] {
         self.contact
             .as_ref()
@@ -286,7 +290,6 @@ impl Simulator {
 
     /// Pairs of faces that meet now, exactly, of the cloth at its rounded positions with itself and
     /// with obstacles; 0 without contact.
-    #[must_use]
     pub fn intersection_count(&self) -> usize {
         let (frame, rate) = (self.frame, self.scene.frame_rate);
         let met = |contact: &Contact| contact.written_intersections(&self.rounded, frame, rate);

@@ -36,7 +36,6 @@ pub struct DividedFrames {
 
 impl DividedFrames {
     /// Those of this run and of another.
-    #[must_use]
     pub fn and(self, other: Self) -> Self {
         Self {
             frames: self.frames + other.frames,

@@ -32,7 +32,7 @@ pub struct GradientSettings {
 impl Default for GradientSettings {
     fn default() -> Self {
         Self {
-            memory: 128 << 20,
+            memory: 96 << 20,
             segment: 16,
         }
     }
@@ -87,9 +87,18 @@ pub enum GradientError {
     #[error("only the solver has gradients of its steps, and another stepper moves this cloth")]
     NoSolver,
     #[error(
-        "nothing is recorded: call `record_gradient` before the steps, and do not go back or replace frames between"
+        "nothing is recorded{}: call `record_gradient` before the steps that are to be differentiated, and let nothing else move the cloth between",
+        ended_by.map(|call| format!(", for {call} ended the recording")).unwrap_or_default()
     )]
-    NotRecorded,
+    NotRecorded { ended_by: Option<&'static str> },
+    #[error(
+        "frame {frame}: the derivatives of the value that were given for {of} {vertex} are not finite: give finite numbers for every vertex"
+    )]
+    NotFinite {
+        frame: usize,
+        of: &'static str,
+        vertex: usize,
+    },
     #[error("frame {frame}: derivatives of {found} vertices for a cloth of {expected}")]
     Count {
         frame: usize,
@@ -172,14 +181,15 @@ impl Simulator {
         Ok(())
     }
 
-    /// Ends the recording.
-    pub fn stop_recording(&mut self) {
-        self.recording = None;
+    /// Ends the recording, if there is one, because of a call of this name.
+    pub(super) fn end_recording(&mut self, call: &'static str) {
+        if self.recording.take().is_some() {
+            self.recording_ended_by = Some(call);
+        }
         self.active.system.tape = None;
     }
 
     /// Frames recorded so far; none where nothing is recorded.
-    #[must_use]
     pub fn recorded_frames(&self) -> Option<usize> {
         Some(self.recording.as_ref()?.frames.len())
     }
@@ -240,7 +250,9 @@ impl Simulator {
         &mut self,
         seed: &mut dyn FnMut(usize, &mut StateGradient),
     ) -> Result<Gradient, GradientError> {
-        let mut recording = self.recording.take().ok_or(GradientError::NotRecorded)?;
+        let ended_by = self.recording_ended_by;
+        let none = GradientError::NotRecorded { ended_by };
+        let mut recording = self.recording.take().ok_or(none)?;
         let now = self.snapshot();
         let counts = (self.history.counts, self.divided);
         let made = self.pull_frames(&mut recording, seed);
@@ -271,18 +283,20 @@ impl Simulator {
                 velocities: std::mem::take(&mut state.velocities),
             };
             seed(frame, &mut by);
-            let counts = [by.positions.len(), by.velocities.len()];
-            match counts.into_iter().find(|found| *found != vertices) {
-                Some(found) => Err(GradientError::Count {
-                    frame,
-                    expected: vertices,
-                    found,
-                }),
-                None => {
-                    (state.positions, state.velocities) = (by.positions, by.velocities);
-                    Ok(())
+            for (of, by) in [("position", &by.positions), ("velocity", &by.velocities)] {
+                if by.len() != vertices {
+                    return Err(GradientError::Count {
+                        frame,
+                        expected: vertices,
+                        found: by.len(),
+                    });
+                }
+                if let Some(vertex) = by.iter().position(|by| !by.is_finite()) {
+                    return Err(GradientError::NotFinite { frame, of, vertex });
                 }
             }
+            (state.positions, state.velocities) = (by.positions, by.velocities);
+            Ok(())
         };
         let handles = self.scene.handles.vertices().to_vec();
         let frames = &recording.frames;
@@ -394,7 +408,7 @@ impl Simulator {
         for k in first..=k {
             self.active.system.tape = Some(Box::default());
             for (number, lead) in recording.frames[k].leads.iter().enumerate() {
-                self.lead_obstacle(number, *lead);
+                self.lead_obstacle(number, *lead)?;
             }
             self.step(&recording.frames[k].targets.clone())?;
             if let Some(mut tape) = self.active.system.tape.take() {

@@ -1,10 +1,9 @@
-//! The simulator as a [`Stepper`], and as a [`Correctable`]: frames that were made elsewhere, and steps
-//! that are undone.
+//! The simulator as a [`Stepper`].
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{
-    Correctable, HandleTargets, Handles, Impulse, Rigid, Snapshot, StepError, Stepper, Stop,
-    Topology, VertexId, check_target_count,
+    HandleTargets, Handles, Impulse, Rigid, Snapshot, StepError, Stepper, Stop, Topology, VertexId,
+    check_target_count,
 };
 
 use super::frame::FRAME;
@@ -32,7 +31,6 @@ impl Stepper for Simulator {
     }
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
-        self.undo = None;
         check_target_count(self, targets)?;
         let begun = self.begin_recorded();
         let before = self.change_active(targets)?;
@@ -54,9 +52,7 @@ impl Stepper for Simulator {
             }
             return Err(error);
         }
-        self.reached_before.copy_from_slice(&self.reached);
         self.reached.copy_from_slice(targets.end());
-        self.undo = Some(before);
         self.frame += 1;
         if !rests {
             self.note_still();
@@ -113,10 +109,16 @@ impl Stepper for Simulator {
             contact.still.clear();
         }
         for number in along {
-            if let Some(place) = state.obstacles.get_mut(*number) {
-                *place = to.after(place);
-            }
+            let count = state.obstacles.len();
+            let place = state.obstacles.get_mut(*number);
+            let place = place.ok_or(StepError::Obstacle {
+                frame,
+                number: *number,
+                count,
+            })?;
+            *place = to.after(place);
         }
+        let was_recorded = self.recording.is_some();
         self.go_to(&led, |error| match error {
             SimulatorError::Intersections { count, pairs, .. } => StepError::Intersections {
                 frame,
@@ -127,7 +129,11 @@ impl Stepper for Simulator {
                 frame,
                 vertex: VertexId(0),
             },
-        })
+        })?;
+        if was_recorded {
+            self.recording_ended_by = Some("`teleport`");
+        }
+        Ok(())
     }
 }
 
@@ -175,82 +181,5 @@ impl Simulator {
             contact.received.carried.clone_from(&led.carried);
         }
         Ok(())
-    }
-
-    /// Checks the number of positions, that all of them are finite, and that nothing meets.
-    fn check_frame(&self, frame: usize, positions: &[Vec3]) -> Result<(), StepError> {
-        assert_eq!(positions.len(), self.rounded.len(), "positions");
-        match positions.iter().position(|p| !p.is_finite()) {
-            Some(vertex) => Err(StepError::NonFinite {
-                frame,
-                vertex: VertexId(vertex as u32),
-            }),
-            None => self.check_apart(frame, positions),
-        }
-    }
-}
-
-/// A frame that is replaced moves at the velocities of before, plus that of the way from the old
-/// places to the new ones in one frame; the state one substep
-/// ago takes its part of that way. One that is taken moves as it came from the frame before.
-/// Where the scene has contact, a frame in which something meets is refused.
-impl Correctable for Simulator {
-    fn replace_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
-        self.check_frame(self.frame, positions)?;
-        self.stop_recording();
-        self.wake();
-        let rate = self.scene.frame_rate;
-        // Part of the frame that had passed before the last substep.
-        let passed = 1.0 - self.history.last_substep().unwrap_or(0.0) * rate;
-        let ([x, v], before) = (self.state.both_mut(), &mut self.history.before);
-        for (k, to) in positions.iter().enumerate() {
-            let way = to.as_dvec3() - x[k];
-            let velocity = v[k] + rate * way;
-            // As if the cloth had come to the new places at the new velocities.
-            before.positions[k] += passed * way;
-            before.velocities[k] += velocity - v[k];
-            x[k] = to.as_dvec3();
-            v[k] = velocity;
-        }
-        self.round();
-        Ok(())
-    }
-
-    fn take_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
-        self.check_frame(self.frame + 1, positions)?;
-        self.stop_recording();
-        self.undo = None;
-        let rate = self.scene.frame_rate;
-        let [x, v] = self.state.both_mut();
-        for ((x, v), to) in x.iter_mut().zip(v).zip(positions) {
-            let to = to.as_dvec3();
-            *v = rate * (to - *x);
-            *x = to;
-        }
-        self.reached = self.handle_places();
-        self.active.system.forget_changes();
-        self.history.forget();
-        if let Some(contact) = &mut self.contact {
-            contact.forget();
-        }
-        self.frame += 1;
-        self.update_wind();
-        self.round();
-        Ok(())
-    }
-
-    fn undo_step(&mut self) {
-        let Some(active) = self.undo.take() else {
-            return;
-        };
-        self.stop_recording();
-        self.put_back(FRAME);
-        if let Some(active) = active {
-            self.active = active;
-        }
-        self.reached.copy_from_slice(&self.reached_before);
-        self.frame -= 1;
-        self.update_wind();
-        self.round();
     }
 }

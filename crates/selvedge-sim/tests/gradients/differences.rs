@@ -416,7 +416,45 @@ fn what_has_no_gradient_is_refused() {
     );
     let mut simulator = Simulator::new(&hanging(4)).unwrap();
     let error = simulator.backward(&mut |_, _| ()).unwrap_err();
-    assert_eq!(error, GradientError::NotRecorded);
+    assert_eq!(error, GradientError::NotRecorded { ended_by: None });
+    let targets = HandleTargets::at_frame_end(simulator.handle_places()).unwrap();
+    for name in ["`teleport`", "`substep`", "going back to a state"] {
+        simulator
+            .record_gradient(GradientSettings::default())
+            .unwrap();
+        simulator.step(&targets).unwrap();
+        match name {
+            "`teleport`" => simulator.teleport(DVec3::X.into(), &[]).unwrap(),
+            "`substep`" => {
+                let places = simulator.handle_places();
+                simulator.substep(1e-3, &places).unwrap();
+            }
+            _ => {
+                let there = Stepper::snapshot(&simulator).unwrap();
+                simulator.rewind(&there).unwrap();
+            }
+        }
+        let error = simulator.backward(&mut |_, _| ()).unwrap_err();
+        assert!(error.to_string().contains(name), "{error}");
+    }
+    simulator
+        .record_gradient(GradientSettings::default())
+        .unwrap();
+    let targets = HandleTargets::at_frame_end(simulator.handle_places()).unwrap();
+    simulator.step(&targets).unwrap();
+    for frame in [1, 0] {
+        let error = simulator.backward(&mut |at, by| {
+            if at == frame {
+                by.velocities[2].z = f64::NAN;
+            }
+        });
+        let expected = GradientError::NotFinite {
+            frame,
+            of: "velocity",
+            vertex: 2,
+        };
+        assert_eq!(error, Err(expected));
+    }
     simulator
         .record_gradient(GradientSettings::default())
         .unwrap();

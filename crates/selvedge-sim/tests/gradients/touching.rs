@@ -208,7 +208,7 @@ fn led(memory: usize, lift: [f64; 8]) -> (f64, Gradient) {
     simulator.record_gradient(settings).unwrap();
     for (frame, lift) in lift.iter().enumerate() {
         let way = DVec3::Y * (0.002 * (frame + 1) as f64 + lift);
-        simulator.lead_obstacle(0, way);
+        simulator.lead_obstacle(0, way).unwrap();
         simulator.step(&case.targets(frame)).unwrap();
     }
     let along = vectors(1, case.positions.len());

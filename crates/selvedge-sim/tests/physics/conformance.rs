@@ -1,6 +1,6 @@
 //! The simulator keeps the contract of a stepper, whatever its physics settings.
 
-use selvedge_cloth::conformance::{HandlesEnd, check_correctable, check_stop};
+use crate::stepper_checks::{HandlesEnd, check, check_stop};
 use selvedge_cloth::{
     ConjugateGradients, HandleConstraint, Integrator, LinearSolver, PhysicsSettings,
 };
@@ -29,10 +29,10 @@ fn the_simulator_conforms() {
     ];
     for scene in &scenes {
         let make = || Simulator::new(scene).unwrap();
-        check_correctable(make, HandlesEnd::AtTargets);
+        check(make, HandlesEnd::AtTargets);
         check_stop(make);
     }
     let springs = with(|physics| physics.handles = HandleConstraint::Spring);
     let make = || Simulator::new(&springs).unwrap();
-    check_correctable(make, HandlesEnd::Elsewhere);
+    check(make, HandlesEnd::Elsewhere);
 }

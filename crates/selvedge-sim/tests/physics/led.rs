@@ -2,8 +2,8 @@
 
 use glam::{DQuat, DVec3};
 use selvedge_cloth::{
-    ContactSettings, Correctable, GeneralisedAlpha, HandleTargets, Handles, Integrator,
-    LinearSolver, Rigid, Scene, StepError, Stepper,
+    ContactSettings, GeneralisedAlpha, HandleTargets, Handles, Integrator, LinearSolver, Rigid,
+    Scene, StepError, Stepper,
 };
 use selvedge_sim::{Checkpoint, ContactCounts, FAR, Simulator};
 
@@ -31,7 +31,7 @@ fn a_ball_that_is_led_pushes_the_sheet_and_one_that_is_put_does_not_sweep_it() {
     let ball = simulator.obstacle_points();
     for frame in 1..=30 {
         let offset = DVec3::X * (-0.4 * f64::from(frame) / 30.0);
-        simulator.lead_obstacle(0, offset);
+        simulator.lead_obstacle(0, offset).unwrap();
         simulator.step(&hold).unwrap();
         assert_eq!(simulator.intersection_count(), 0);
         assert_eq!(simulator.obstacle_offsets(), [offset.into()]);
@@ -48,8 +48,20 @@ fn a_ball_that_is_led_pushes_the_sheet_and_one_that_is_put_does_not_sweep_it() {
     steps(&mut other, &hold, 30);
     assert!(depth(&other) > -0.05, "{}", depth(&other));
     // There is no second one.
-    other.lead_obstacle(1, DVec3::X);
-    other.put_obstacle(1, DVec3::X).unwrap();
+    let missing = StepError::Obstacle {
+        frame: 30,
+        number: 1,
+        count: 1,
+    };
+    let before = other.checkpoint();
+    for refused in [
+        other.lead_obstacle(1, DVec3::X),
+        other.put_obstacle(1, DVec3::X),
+        other.teleport(DVec3::X.into(), &[0, 1]),
+    ] {
+        assert_eq!(refused, Err(missing.clone()));
+    }
+    assert_eq!(other.checkpoint(), before);
 }
 
 #[test]
@@ -109,7 +121,7 @@ fn a_body_receives_the_momentum_that_it_gives() {
         for frame in 0..30_u32 {
             let speed = if frame < 12 { 3.0 } else { 1.0 };
             offset += DVec3::new(0.2, 1.0, 0.0) * (speed / 60.0);
-            simulator.lead_obstacle(0, offset);
+            simulator.lead_obstacle(0, offset).unwrap();
             simulator.step(&none()).unwrap();
             received += simulator.obstacle_impulses()[0];
         }
@@ -124,35 +136,14 @@ fn a_body_receives_the_momentum_that_it_gives() {
 }
 
 #[test]
-fn a_step_that_is_undone_leaves_bodies_where_they_were() {
-    let scene = scene();
-    let hold = still(&scene);
-    let [mut tried, mut other] = [(); 2].map(|()| Simulator::new(&scene).unwrap());
-    for frame in 1..=20 {
-        let offset = DVec3::X * (-0.3 * f64::from(frame) / 20.0);
-        for simulator in [&mut tried, &mut other] {
-            simulator.lead_obstacle(0, offset);
-        }
-        let before = tried.obstacle_points();
-        tried.step(&hold).unwrap();
-        tried.undo_step();
-        assert_eq!(tried.obstacle_points(), before);
-        // It is led on as before.
-        tried.step(&hold).unwrap();
-        other.step(&hold).unwrap();
-        assert_eq!(tried.obstacle_points(), other.obstacle_points());
-        assert_eq!(tried.positions_f64(), other.positions_f64(), "{frame}");
-    }
-    assert!(depth(&tried) < -0.05, "it was pushed");
-}
-
-#[test]
 fn a_cloth_that_is_set_elsewhere_with_its_body_moves_on_as_it_would_have() {
     let scene = scene();
     let turn = DQuat::from_rotation_y(2.0);
     let to = Rigid::about(DVec3::new(0.3, 1.0, 0.2), turn, DVec3::new(2.0, 0.5, -1.0));
     let lead = |simulator: &mut Simulator, by: f64, place: Rigid| {
-        simulator.lead_obstacle(0, place.after(&(DVec3::X * by).into()));
+        simulator
+            .lead_obstacle(0, place.after(&(DVec3::X * by).into()))
+            .unwrap();
         let held = simulator.handle_places();
         let still = HandleTargets::at_frame_end(held).unwrap();
         simulator.step(&still).unwrap();

@@ -103,7 +103,9 @@ fn a_body_wakes_it() {
     scene.obstacles.push(ball(0.3));
     wakes(&scene, 0.003, 1, |simulator| {
         for frame in 0..30 {
-            simulator.lead_obstacle(1, DVec3::new(0.01 * f64::from(frame), -0.2495, 0.0));
+            simulator
+                .lead_obstacle(1, DVec3::new(0.01 * f64::from(frame), -0.2495, 0.0))
+                .unwrap();
             step(simulator, 1);
         }
     });

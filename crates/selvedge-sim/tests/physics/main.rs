@@ -32,4 +32,6 @@ mod simulator;
 mod solvers;
 mod squeezed;
 mod statics;
+#[path = "../../../selvedge-cloth/tests/conformance/mod.rs"]
+mod stepper_checks;
 mod touching;

@@ -2,10 +2,10 @@
 
 use glam::DVec3;
 use selvedge_cloth::{
-    Correctable, Gust, HandleConstraint, HandleSchedule, HandleTargets, Handles, Integrator,
-    LinearSolver, Release, Scene, StepError, Stepper,
+    Gust, HandleConstraint, HandleSchedule, HandleTargets, Handles, Integrator, LinearSolver,
+    Release, Scene, StepError, Stepper,
 };
-use selvedge_sim::{SagError, Simulator, sag};
+use selvedge_sim::{Checkpoint, SagError, Simulator, sag};
 
 use crate::scenes::{floating, hanging, held, largest_distance, led_by, still};
 use crate::touching::copies;
@@ -219,8 +219,8 @@ fn a_step_from_any_state_of_a_run_leads_to_its_next_frame() {
     assert!(offsets > 0.02, "{offsets}");
 }
 
-/// Targets are places, also of a handle that took hold beside its path, and after a frame that was
-/// made elsewhere.
+/// Targets are places, also of a handle that took hold beside its path, and after a state was
+/// put back.
 #[test]
 fn a_handle_that_took_hold_again_stays_where_it_is_told_to() {
     let scene = released(hanging(4), vec![1], 0.0, Some(0.1));
@@ -228,8 +228,9 @@ fn a_handle_that_took_hold_again_stays_where_it_is_told_to() {
     run(&mut simulator, &scene, 8);
     let places = scene.handles.select(simulator.positions_f64());
     assert!(places[1].distance(held(&scene)[1]) > 0.02, "it was free");
-    let frame = simulator.positions().to_vec();
-    simulator.take_frame(&frame).unwrap();
+    let still = vec![DVec3::ZERO; simulator.positions_f64().len()];
+    let there = Checkpoint::of(9, simulator.positions_f64().to_vec(), still);
+    simulator.restore(&there).unwrap();
     let places = scene.handles.select(simulator.positions_f64());
     let stay = HandleTargets::at_frame_end(places.clone()).unwrap();
     simulator.step(&stay).unwrap();

@@ -1,15 +1,13 @@
 //! The integrator: closed forms, conservation, handles, failures.
 
-use glam::{DQuat, DVec3, Vec3};
-use selvedge_cloth::{Correctable, HandleTargets, Handles, Integrator, Scene, Stepper};
+use glam::{DQuat, DVec3};
+use selvedge_cloth::{HandleTargets, Handles, Integrator, Scene, Stepper};
 use selvedge_sim::laws::external::slow_air;
 use selvedge_sim::{Checkpoint, Simulator, SimulatorError};
 
 use crate::scenes::{
     BDF2, INTEGRATORS, crumpled, floating, hanging, held, largest_distance, momentum, moved, noise,
-    steps,
 };
-use crate::touching::none;
 
 const DT: f64 = 1.0 / 240.0;
 
@@ -219,31 +217,4 @@ fn a_cloth_taken_up_again_goes_on_as_a_new_one_there() {
     assert_eq!(used.checkpoint(), kept);
     used.step(&targets(11)).unwrap();
     assert_eq!(used.checkpoint(), there);
-}
-
-/// The formula looks back: were the state one substep ago left where it was, the next substep would
-/// take a replaced frame for motion.
-#[test]
-fn a_replaced_frame_is_not_taken_for_motion() {
-    for integrator in [BDF2, Integrator::default()] {
-        let mut scene = floating(4);
-        scene.physics.integrator = integrator;
-        let mut simulator = Simulator::new(&scene).unwrap();
-        steps(&mut simulator, &none(), 3);
-        // The whole cloth 6 cm aside: the velocity that goes with it is 3.6 m/s, and nothing acts.
-        let aside = Vec3::new(0.06, 0.0, 0.0);
-        let moved: Vec<Vec3> = simulator.positions().iter().map(|p| *p + aside).collect();
-        simulator.replace_frame(&moved).unwrap();
-        let first = simulator.velocities_f64()[0];
-        assert!((first.x - 3.6).abs() < 1e-5, "{first}");
-        for _ in 0..3 {
-            simulator.step(&none()).unwrap();
-            for velocity in simulator.velocities_f64() {
-                assert!(
-                    velocity.distance(first) < 1e-4,
-                    "{integrator:?}: {velocity}"
-                );
-            }
-        }
-    }
 }

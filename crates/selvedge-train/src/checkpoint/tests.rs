@@ -138,7 +138,7 @@ fn damaged_checkpoints_are_refused() {
     let (_, bytes) = five(cfg(), &data);
     for length in [0, 7, 100, bytes.len() / 2, bytes.len() - 1] {
         let text = refusal(cfg(), &data, &bytes[..length]);
-        assert!(text.starts_with("FILE is not a whole safetensors file"));
+        assert!(text.starts_with("FILE is no complete safetensors file"));
     }
     let text = refusal(
         cfg(),

@@ -64,7 +64,6 @@ impl<'a> Run<'a> {
     }
 
     /// The same run of a cloth whose front has this colour; its back is paler.
-    #[must_use]
     pub fn in_colour(mut self, colour: Rgb) -> Self {
         self.colour = Some(colour);
         self
@@ -72,7 +71,6 @@ impl<'a> Run<'a> {
 
     /// The same run of a cloth that is woven: the places of each face's corners on the flat fabric
     /// `[m]`, `[faces, 3]`.
-    #[must_use]
     pub fn woven(mut self, fabric: Vec<[Vec2; 3]>) -> Self {
         debug_assert_eq!(fabric.len(), self.topology.faces().len());
         self.fabric = fabric;
@@ -90,7 +88,6 @@ impl<'a> Run<'a> {
     }
 
     /// The same run with bodies beside the cloth, still or with as many frames.
-    #[must_use]
     pub fn with_bodies(mut self, bodies: Vec<Body<'a>>) -> Self {
         let frames = [1, self.frames.len()];
         debug_assert!(

@@ -5,6 +5,7 @@ mod data;
 mod drape;
 mod eval;
 mod export;
+mod fit;
 mod info;
 mod list;
 mod model;
@@ -39,6 +40,7 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<Answer> {
         Command::Eval(args) => eval::run(args),
         Command::Drape(DrapeCommand::Test(args)) => drape::test(args),
         Command::Drape(DrapeCommand::Fit(args)) => drape::fit_to(args),
+        Command::Fit(args) => fit::run(args),
         Command::Info(args) => info::run(args),
         Command::List(args) => list::run(args.what),
         Command::Model(ModelCommand::Convert(args)) => model::convert(args),

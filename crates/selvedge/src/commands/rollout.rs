@@ -130,6 +130,8 @@ pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
     }
     facts.tell_as("largest strain", percent(largest_strain), largest_strain);
     facts.add("guard", guard_line(args.guard.name(), &guarded));
+    let doubt = guarded.doubt_in_words();
+    facts.add_all("not to be trusted", &doubt);
     match &departures {
         Some(departures) => facts.add_all("out of distribution", departures),
         None => facts.add("out of distribution", NO_DOMAIN),
@@ -157,6 +159,8 @@ pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
         "truth_substeps": truth.as_ref().map(|_| scene.physics.substeps),
         "guard": args.guard.name(),
         "guarded": guarded,
+        // Why the motion is not to be trusted; none where it may be.
+        "doubt": doubt,
         // The first of more than ten frames in a row with an edge over 30 % strain, and over 1.5
         // times the ground truth's largest; a suspicion where that was not run.
         "diverged_frame": diverged_frame,

@@ -53,6 +53,11 @@ fn a_rollout_says_how_far_each_frame_can_be_trusted() {
         assert_eq!(number(&report, "/guarded/lost_to_physics"), by_physics);
         assert!(column(&text, "physics_failed").iter().all(|f| f == "false"));
         assert_eq!(number(&report, "/guarded/frames"), PUSH_FRAMES as f64);
+        let beyond = count("corrected") + count("lost");
+        let doubted = beyond > 0.03 * PUSH_FRAMES as f64;
+        let words = format!("{beyond} of {PUSH_FRAMES} frames");
+        let doubt = report["doubt"].as_str();
+        assert_eq!(doubt.is_some_and(|doubt| doubt.contains(&words)), doubted);
         assert_eq!(report["guard"], guard);
         if guard != "none" {
             // The bound of 28 % and its slack; the rest pose of this cloth strains far less.
@@ -73,6 +78,7 @@ fn the_shipped_model_needs_no_guard_where_it_was_trained() {
         ));
         assert_eq!(number(&report, "/guarded/corrected"), 0.0);
         assert_eq!(report["diverged_frame"], Value::Null);
+        assert_eq!(report["doubt"], Value::Null);
         bytes.push(dir.read(&format!("{guard}/rollout.safetensors")));
     }
     assert!(bytes[0] == bytes[1], "bit for bit");

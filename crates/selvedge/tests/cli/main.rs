@@ -12,6 +12,7 @@ mod data_sets;
 mod devices;
 mod evaluation;
 mod export;
+mod fit;
 mod fronts;
 mod goldens;
 mod guard;

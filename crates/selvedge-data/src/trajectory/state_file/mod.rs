@@ -43,9 +43,8 @@ const PREVIOUS: [&str; 3] = [
 ];
 /// Names of the arrays of [`Checkpoint::changes`]; where a state has none, its seconds are 0.
 const CHANGES: [&str; 2] = ["changes", "changes_seconds"];
-/// What contact has left in each state, as JSON; and the array in which earlier versions had it.
+/// What contact has left in each state, as JSON.
 const CONTACT: &str = "contact";
-const FORMER: &str = "contact_counts";
 /// Size that a number of it may have.
 const MOST: f64 = u32::MAX as f64;
 
@@ -401,10 +400,6 @@ fn read_contact(
     file: &ArrayFile<'_>,
     states: usize,
 ) -> Result<Vec<Option<ContactMemory>>, Problem> {
-    if file.has(FORMER) {
-        let problem = "has contact as an earlier version wrote it: save the states of a new run";
-        return Err(Problem(problem.to_owned()));
-    }
     if !file.has(CONTACT) {
         return Ok(vec![None; states]);
     }

@@ -276,7 +276,6 @@ fn contact_that_does_not_fit_is_named() {
         ("contact", "[{}]".to_owned(), "missing field `anchors`"),
         ("contact", format!("[{memory}"), "EOF"),
         ("contact", format!("[{far}]"), "a number beyond"),
-        ("contact_counts", String::new(), "an earlier version"),
     ] {
         write(name, &text);
         says(error(folder.path(), &of("states.safetensors"), 1), &[word]);

@@ -1,9 +1,9 @@
 //! Rollouts with known answers: uniform and uniformly accelerated motion, a scene that is turned
 //! and moved, starts that are padded, and errors that leave everything as it was.
 
+use crate::conformance::{HandlesEnd, check_correctable, check_stop};
 use glam::DVec3;
 use selvedge_cloth::VertexId;
-use selvedge_cloth::conformance::{HandlesEnd, check_correctable, check_stop};
 
 use super::*;
 use crate::features::normalizer::Normalizer;

@@ -5,7 +5,7 @@ use selvedge_cloth::{HandleConstraint, VertexId};
 
 use super::super::tape::{SolveTape, SubstepTape, TouchingTape};
 use super::{START, SecondOrder};
-use crate::contact::{AnchorSlope, ObstacleSlope, PlaceSlopes, Places};
+use crate::contact::{AnchorSlope, ObstacleSlope, PlaceSlopes, Places, ShapeSlopes};
 use crate::solver::{ElementSums, SolveError, System};
 use crate::state::State;
 
@@ -127,6 +127,7 @@ impl SecondOrder {
             by_expected,
             by_start: zeros(count),
             by_masses: vec![0.0; count],
+            shapes: Vec::new(),
             anchors: pulled.anchors,
             obstacles: pulled.obstacles,
         };
@@ -195,6 +196,7 @@ impl SecondOrder {
         let places = Places {
             gamma: stage.gamma,
             time: stage.dt,
+            start: stage.start,
             expected: &touching.expected,
             end: &end,
             point,
@@ -208,9 +210,10 @@ impl SecondOrder {
             estimates: &mut touching.by_estimates,
             masses: &mut touching.by_masses,
             obstacles: touching.obstacles,
+            anchors: touching.anchors,
         };
         let (all, came_from) = (&last.collisions, &last.came_from);
-        all.pull_anchors(came_from, places, &slopes, &mut by, touching.anchors);
+        all.pull_anchors(came_from, places, &slopes, &mut by, &mut touching.shapes);
     }
 
     fn pull_look_back(
@@ -347,6 +350,7 @@ impl SecondOrder {
                 dt: substep.dt,
                 point: 1.0,
                 base: &substep.start.velocities,
+                start: &substep.start.positions,
                 targets: &substep.targets,
                 solves,
             };
@@ -397,6 +401,7 @@ impl SecondOrder {
             dt: stage.dt,
             point: stage.point,
             base: &base.velocities,
+            start: stage.start,
             targets: stage.targets,
             solves: stage.solves,
         };
@@ -491,6 +496,8 @@ struct Touching<'a> {
     by_start: State,
     /// By masses, `[vertices]`.
     by_masses: Vec<f64>,
+    /// By the shapes of the collisions of the solve that is next.
+    shapes: Vec<ShapeSlopes>,
     anchors: &'a mut Vec<AnchorSlope>,
     obstacles: &'a mut [[ObstacleSlope; 2]],
 }
@@ -501,8 +508,9 @@ struct Solved<'a> {
     /// Length of the substep `[s]`, and the point of it at which its equations hold.
     dt: f64,
     point: f64,
-    /// v̄.
+    /// v̄, and positions at the start of the substep.
     base: &'a [DVec3],
+    start: &'a [DVec3],
     targets: &'a [DVec3],
     solves: &'a [SolveTape],
 }
@@ -548,6 +556,7 @@ impl Solved<'_> {
                 let places = Places {
                     gamma: self.gamma,
                     time: self.dt,
+                    start: self.start,
                     expected: &touching.expected,
                     end: &end,
                     point: self.point,
@@ -561,9 +570,16 @@ impl Solved<'_> {
                     estimates: &mut touching.by_estimates,
                     masses: &mut touching.by_masses,
                     obstacles: touching.obstacles,
+                    anchors: touching.anchors,
                 };
                 let (all, came_from) = (&solve.collisions, &solve.came_from);
-                all.pull_forces(came_from, places, &multipliers, &mut by, touching.anchors);
+                all.pull_forces(
+                    came_from,
+                    places,
+                    &multipliers,
+                    &mut by,
+                    &mut touching.shapes,
+                );
             }
         }
         system.collisions = Default::default();

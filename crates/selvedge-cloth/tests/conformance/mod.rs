@@ -1,8 +1,15 @@
 //! Conformance of a [`Stepper`] or a [`Correctable`]: checks of the trait's contract, for the tests
-//! of every crate that implements it. They panic at the first breach, as assertions do.
+//! of every crate that implements it, which take this file as a module of their own. They panic at the
+//! first breach, as assertions do.
 //!
 //! Two steppers made alike take the same good steps. One of them is also given steps that must
 //! fail; from then on the two must still agree to the last bit.
+
+#![allow(
+    dead_code,
+    unreachable_pub,
+    reason = "the tests of a crate need some of the checks"
+)]
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,7 +18,7 @@ use std::time::Duration;
 
 use glam::{DVec3, Vec3};
 
-use crate::{
+use selvedge_cloth::{
     Correctable, HandleError, HandleTargets, Handles, Snapshot, StepError, Stepper, Stop, Topology,
 };
 
@@ -305,6 +312,3 @@ fn targets(places: Vec<DVec3>, free: Option<usize>) -> HandleTargets {
 fn done(outcome: Result<(), StepError>) {
     outcome.unwrap_or_else(|error| panic!("the step failed: {error}"));
 }
-
-#[cfg(test)]
-mod tests;

@@ -1,7 +1,14 @@
 //! A stepper with every defect that the check must find.
+#![allow(clippy::unwrap_used, reason = "a failing helper fails its test")]
 
-use super::*;
-use crate::{VertexId, check_target_count, check_targets_hold};
+mod conformance;
+
+use conformance::{HandlesEnd, check};
+use glam::Vec3;
+use selvedge_cloth::{
+    HandleTargets, Handles, Snapshot, StepError, Stepper, Topology, VertexId, check_target_count,
+    check_targets_hold,
+};
 
 /// A defect of a [`Carrier`].
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -7,45 +7,44 @@ use std::process::Command;
 use std::time::Instant;
 use std::{env, fs};
 
-use anyhow::{Context, Result, bail};
-
 use crate::markdown::{self, Block};
-use crate::{cargo, documents, root};
+use crate::{PAGES, files, root};
 
 /// Folder in which pages are tried, relative to the root.
 const FOLDER: &str = "target/book/run";
 /// Folders of the repository that commands may name.
 const BESIDE: [&str; 2] = ["assets", "docs"];
 
-/// Builds the program and runs the quick commands of all pages with it.
-pub(crate) fn run() -> Result<()> {
+/// The quick commands of all pages, with the program that was built before.
+#[test]
+#[allow(clippy::print_stdout, reason = "it is waited for by people")]
+#[ignore = "minutes: cargo xtask book --run builds the program and runs it"]
+fn quick_commands_of_the_book_run() {
     let root = root();
-    cargo(&["build", "--locked", "--quiet", "--package", "selvedge"])?;
-    // It is built beside this program.
-    let own = env::current_exe().context("the path of this program")?;
-    let mut path = own.parent().unwrap_or(root).as_os_str().to_owned();
+    // The program is built beside the folder of the tests.
+    let own = env::current_exe().unwrap();
+    let mut path = own.ancestors().nth(2).unwrap().as_os_str().to_owned();
     path.push(":");
     path.push(env::var_os("PATH").unwrap_or_default());
 
     let folder = root.join(FOLDER);
     if folder.exists() {
-        fs::remove_dir_all(&folder).context("cannot empty the folder of the last run")?;
+        fs::remove_dir_all(&folder).unwrap();
     }
-    let mut failed = 0;
-    for page in documents()? {
-        let text = fs::read_to_string(root.join(&page)).with_context(|| page.clone())?;
-        if !is_tried(&page, &text) {
+    let mut failed = Vec::new();
+    for (page, text) in files().texts.iter().map(|file| (&file.path, &file.text)) {
+        if !is_tried(page, text) {
             continue;
         }
         let folder = folder.join(page.replace(['/', '.'], "-"));
-        fs::create_dir_all(&folder)?;
+        fs::create_dir_all(&folder).unwrap();
         for name in BESIDE {
             #[cfg(unix)]
-            std::os::unix::fs::symlink(root.join(name), folder.join(name))?;
+            std::os::unix::fs::symlink(root.join(name), folder.join(name)).unwrap();
         }
-        for block in &markdown::blocks(&text) {
+        for block in &markdown::blocks(text) {
             if let Some(name) = file_of(block) {
-                fs::write(folder.join(name), text_of(block))?;
+                fs::write(folder.join(name), text_of(block)).unwrap();
             }
             if is_quick(block) {
                 let began = Instant::now();
@@ -54,24 +53,22 @@ pub(crate) fn run() -> Result<()> {
                 let is_done = shell
                     .current_dir(&folder)
                     .env("PATH", &path)
-                    .status()?
+                    .status()
+                    .unwrap()
                     .success();
-                let line = block.opens_at;
+                let place = format!("{page}:{}", block.opens_at);
                 let seconds = began.elapsed().as_secs_f64();
                 let how = if is_done { "done" } else { "FAILED" };
-                println!("{how}: {page}:{line} ({seconds:.1} s)");
-                failed += usize::from(!is_done);
+                println!("{how}: {place} ({seconds:.1} s)");
+                failed.extend((!is_done).then_some(place));
             }
         }
     }
-    if failed > 0 {
-        bail!("{failed} blocks of commands failed");
-    }
-    Ok(())
+    assert!(failed.is_empty(), "blocks of commands failed: {failed:?}");
 }
 
 fn is_tried(page: &str, text: &str) -> bool {
-    let is_page = page == "README.md" || page.starts_with("docs/src/");
+    let is_page = page == "README.md" || page.starts_with(PAGES);
     is_page && markdown::blocks(text).iter().any(is_quick)
 }
 
