@@ -372,8 +372,9 @@ impl Contact {
             let most = collision.friction * collision.response.tangent.force_at(gap).max(0.0);
             let grip = collision.response.grip;
             let time = part * active.system.collisions.time;
-            let (way, thickness) = (displacement.length(), collision.thickness);
-            let pressed = collision.pressure.pressed_after(time, way, gap, thickness);
+            let opened = collision.normal.dot(displacement);
+            let (ways, thickness) = ([displacement.length(), opened], collision.thickness);
+            let pressed = collision.pressure.pressed_after(time, ways, gap, thickness);
             if most <= 0.0 && pressed <= UNPRESSED {
                 continue;
             }

@@ -519,8 +519,9 @@ impl Collision {
         let by = match value {
             Value::Work(multipliers) => multipliers,
             Value::Anchor(by, by_pressed) => {
-                let (gap, way) = (gap_at(end), end.dot(end).sqrt());
-                let pressed = pressure.pressed_after(places.part * time, way, gap, self.thickness);
+                let (time, gap) = (places.part * time, gap_at(end));
+                let ways = [end.dot(end).sqrt(), normal.dot(end)];
+                let pressed = pressure.pressed_after(time, ways, gap, self.thickness);
                 let pressed = pressed * by_pressed;
                 let most = tangent.force_at(gap).at_least(0.0) * self.friction;
                 let pull = grip * slip.dot(slip).sqrt();

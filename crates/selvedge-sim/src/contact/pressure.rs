@@ -12,11 +12,16 @@ use super::real::Real;
 /// Gap, as a part of that at which the push begins, below which it goes on straight.
 const CRUSHED: f64 = 0.15;
 
-/// Compression per time by which a fabric that lies still comes to bear, as a part of the thickness `[1/s]`.
-const RATE: f64 = 1.0;
+/// Time in which a fabric that lies still comes to bear what presses it `[s]`.
+const SETTLING: f64 = 0.5;
 
-/// The compression of what has not lain still yet: below 0, so that it bears nothing for the first 0.1 s.
-pub(super) const UNPRESSED: f64 = -0.1;
+/// The compression of what has not lain still yet: below 0, so that it bears nothing for a while, which is the
+/// longer the less it is pressed.
+pub(super) const UNPRESSED: f64 = -0.4;
+
+/// Time in which two sides that open would part, from which they count as parting `[s]`. What swings would else
+/// come to bear just before it parts, and be pushed off each time.
+const PARTS: f64 = 0.25;
 
 /// Speed of two sides from which it does not come to bear more `[m/s]`: what falls or slides presses nothing.
 const SLOW: f64 = 0.01;
@@ -108,16 +113,24 @@ impl Pressure {
 
 impl<N: Real> Pressure<N> {
     /// Compression up to which the fabric bears after `time` `[s]` at the end of which a pair of this
-    /// `thickness` has this `gap` `[m]`, having moved by `way` `[m]`. `[eq:contact-pressed]`
-    pub(super) fn pressed_after(&self, time: f64, way: N, gap: N, thickness: f64) -> N {
+    /// `thickness` has this `gap` `[m]`, having moved by `way` and opened by `opened` `[m]`. `[eq:contact-pressed]`
+    pub(super) fn pressed_after(
+        &self,
+        time: f64,
+        [way, opened]: [N; 2],
+        gap: N,
+        thickness: f64,
+    ) -> N {
         let [zero, one] = [0.0, 1.0].map(|value| gap.same(value));
         let now = (one - gap / gap.same(thickness)).at_least(0.0);
         let slow = (one - way / gap.same(SLOW * time)).at_least(0.0);
-        let waits = self.pressed.below(zero) && slow.within(zero);
+        let parts = (now * (thickness * time / PARTS)).below(opened);
+        let waits = self.pressed.below(zero) && (slow.within(zero) || parts);
         if self.begin < 1.0 || waits {
             return gap.same(UNPRESSED);
         }
-        now.smaller(self.pressed + slow * (RATE * time))
+        let more = slow * (now - self.pressed).at_least(0.0) * (time / SETTLING);
+        now.smaller(self.pressed + more)
     }
 
     /// The tangent of the force at `gap` `[m]` of a pair of this `thickness` `[m]`.
@@ -330,9 +343,10 @@ mod tests {
     #[test]
     fn what_lies_still_comes_to_bear_and_what_moves_does_not() {
         let (time, gap, thickness) = (1.0 / 60.0, 5e-4, 1e-3);
-        let after = |way: f64, gap: f64| LYING.pressed_after(time, way, gap, thickness);
-        assert!((after(0.0, gap) - 0.2 - RATE * time).abs() < 1e-15);
-        assert!((after(0.5 * SLOW * time, gap) - 0.2 - 0.5 * RATE * time).abs() < 1e-15);
+        let after = |way: f64, gap: f64| LYING.pressed_after(time, [way, 0.0], gap, thickness);
+        let more = (1.0 - gap / thickness - 0.2) * time / SETTLING;
+        assert!((after(0.0, gap) - 0.2 - more).abs() < 1e-15);
+        assert!((after(0.5 * SLOW * time, gap) - 0.2 - 0.5 * more).abs() < 1e-15);
         assert_eq!(after(1e-3, gap), 0.2, "it slides");
         assert!(
             (after(0.0, 9e-4) - 0.1).abs() < 1e-15,
@@ -343,9 +357,13 @@ mod tests {
             pressed: -0.05,
             ..LYING
         };
-        assert!(waits.pressed_after(time, 0.0, gap, thickness) > -0.05);
-        assert_eq!(waits.pressed_after(time, 1e-3, gap, thickness), UNPRESSED);
-        let none = Pressure::NONE.pressed_after(time, 0.0, gap, thickness);
+        let waits =
+            |way: f64, opened: f64| waits.pressed_after(time, [way, opened], gap, thickness);
+        let parting = 0.5 * thickness * time / PARTS;
+        assert!(waits(0.0, 0.0) > -0.05 && waits(0.0, 0.9 * parting) > -0.05);
+        assert_eq!(waits(0.0, 1.1 * parting), UNPRESSED, "it is about to part");
+        assert_eq!(waits(1e-3, 0.0), UNPRESSED);
+        let none = Pressure::NONE.pressed_after(time, [0.0; 2], gap, thickness);
         assert_eq!(none, UNPRESSED);
     }
 

@@ -174,9 +174,9 @@ touching! {
 #[test]
 fn a_pile_has_the_slopes_of_what_it_has_come_to_bear() {
     for number in [1, 7] {
-        let case = pile(number, 18);
+        let case = pile(number, 40);
         let mut simulator = case.simulator();
-        for frame in 0..18 {
+        for frame in 0..40 {
             simulator.step(&case.targets(frame)).unwrap();
         }
         let memory = simulator.checkpoint().contact.unwrap();
