@@ -21,7 +21,7 @@ fn a_sheet_at_rest_stands_where_its_curve_carries_it() {
     let mut scene = first_order(lying(8, |p| p + DVec3::Y * 8e-4));
     scene.obstacles = vec![ground(0.0)];
     let mut simulator = Simulator::new(&scene).unwrap();
-    run(&mut simulator, 60);
+    run(&mut simulator, 240);
     let expected = rest_gap(0.0, 4);
     assert!((expected / 1e-3 - 0.9).abs() < 0.005);
     let found = mean(simulator.positions_f64().iter().map(|p| p.y));
