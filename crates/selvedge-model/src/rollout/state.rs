@@ -137,7 +137,11 @@ impl RolloutState {
     ///
     /// # Errors
     /// [`StepError::NonFinite`] for a feature that is not finite.
-    pub(super) fn begin_step(&mut self, model: &Model, targets: &HandleTargets) -> Result<(), StepError> {
+    pub(super) fn begin_step(
+        &mut self,
+        model: &Model,
+        targets: &HandleTargets,
+    ) -> Result<(), StepError> {
         // `next` is about to be overwritten.
         self.yaw_before = None;
         self.graph.hold(|handle| targets.holds(handle));
