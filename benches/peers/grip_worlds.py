@@ -121,7 +121,7 @@ def flex_model(kind, steps, is_tied, finger):
             </body>"""
             for name, sign in (("left", -1), ("right", 1))
         )
-        ties = "".join(f'<connect body1="{name}" body2="arm" anchor="0 0 0"/>' for name in tied)
+        ties = "".join(f'<connect body1="{name}" body2="arm" anchor="0 0 0" solref="{2 / RATE / steps} 1" solimp="0.9999 0.9999 0.001"/>' for name in tied)
         if kind == "aloha":
             option = f'timestep="{1 / RATE / steps}" solver="CG" tolerance="1e-6" cone="pyramidal" impratio="10"'
             elastic = '<edge equality="true"/><elasticity young="3e3" poisson="0" thickness="1e-2" damping="1e-3" elastic2d="bend"/>'
@@ -148,7 +148,7 @@ def flex_model(kind, steps, is_tied, finger):
 # Contact of the fingers: of ALOHA's, and one that presses harder, with less depth.
 ALOHA_FINGER = 'condim="4" solimp="2 1 0.01" solref="0.01 1"'
 # How deep the fingers' faces go into the flex' radius of 6 mm [m].
-DEEP = 0.003
+DEEP = 0.0015
 
 
 def flex_worlds(kind, steps, worlds, threads, is_tied, finger):
@@ -202,7 +202,7 @@ def main():
                 spent, measure = selvedge_worlds(int(steps), chosen.worlds)
             else:
                 kind = method.split("-")[1]
-                finger = ALOHA_FINGER if kind == "aloha" else f'condim="3" solref="{max(0.004, 2 / RATE / int(steps))} 1"'
+                finger = ALOHA_FINGER if kind == "aloha" else f'condim="3" solref="{2 / RATE / int(steps)} 1" solimp="0.99 0.99 0.001"'
                 spent, measure = flex_worlds(kind, int(steps), chosen.worlds, chosen.threads, method.endswith("tied"), finger)
         except (RuntimeError, ValueError) as error:
             rows.writerow([method, steps, str(error)])

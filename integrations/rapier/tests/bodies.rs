@@ -321,6 +321,8 @@ fn a_table_cloth_is_pulled_from_under_plates_that_stay() {
     world.most_steps = 1;
     let held = world.run.handle_places();
     let (pull, mut way) = (15.0, 0.0);
+    // What each was pushed up at rest, and along and up while it slides.
+    let [mut rest, mut along, mut up] = [[0.0; 2]; 3];
     for frame in 0..(0.55 * SHORT) as u32 {
         // Still for a moment, then faster and faster.
         let time = (f64::from(frame) / SHORT - 0.1).max(0.0);
@@ -329,19 +331,33 @@ fn a_table_cloth_is_pulled_from_under_plates_that_stay() {
         world
             .step_to(&HandleTargets::at_frame_end(targets).unwrap())
             .unwrap();
+        for (k, (number, plate)) in plates.iter().enumerate() {
+            let got = world.run.impulses()[*number].linear;
+            if time == 0.0 && f64::from(frame) > 0.05 * SHORT {
+                rest[k] += got.y;
+            }
+            if speed(&world, *plate).x > 0.05 {
+                along[k] += got.x;
+                up[k] += got.y;
+            }
+        }
     }
-    for ((_, plate), at) in plates.iter().zip(places) {
+    for (k, ((_, plate), at)) in plates.iter().zip(places).enumerate() {
         let gone = place(&world, *plate) - at;
-        // Friction takes it along until the cloth's end has passed it, and that of the floor stops it.
-        let [along, back] = [0.2 * GRAVITY, 0.5 * GRAVITY];
-        let free = 2.0 * (at.x + 0.06 + 0.32) / (pull - along);
-        let expected = 0.5 * along * free * (1.0 + along / back);
+        // Friction takes it along until the cloth's end has passed it, and that of the floor stops it. A
+        // cloth that stretches slides later and leaves sooner.
+        let [drag, back] = [0.2 * GRAVITY, 0.5 * GRAVITY];
+        let free = 2.0 * (at.x + 0.06 + 0.32) / (pull - drag);
+        let most = 0.5 * drag * free * (1.0 + drag / back);
+        let [weight, friction] = [rest[k] / (0.05 * 0.4 * GRAVITY), along[k] / up[k]];
         println!(
-            "the cloth goes {way:.2} m, a plate {:.3} m of {expected:.3}",
+            "the cloth goes {way:.2} m, a plate {:.3} m of {most:.3}, it weighs {weight:.3} of its weight, friction {friction:.3}",
             gone.x
         );
-        assert!((gone.x - expected).abs() < 0.02, "{gone} {expected}");
-        assert!(gone.y.abs() < 0.03 && gone.z.abs() < 0.02, "{gone}");
+        assert!((0.4 * most..1.1 * most).contains(&gone.x), "{gone} {most}");
+        assert!(gone.y.abs() < 0.03 && gone.z.abs() < 0.01, "{gone}");
+        assert!((weight - 1.0).abs() < 0.1, "{weight}");
+        assert!((friction / 0.2 - 1.0).abs() < 0.1, "{friction}");
     }
     let last = world
         .run
