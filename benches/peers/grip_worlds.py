@@ -7,10 +7,10 @@ options of mujoco_menagerie's aloha.xml): 30 by 30 vertices 14 mm apart, 0.1 kg,
 the middle of its upper edge in 0.4 s; it is free to fall from 0.5 s on, is lifted by 30 cm in 1 s, and shaken up and down
 at 2 m/s² and 3 Hz until 3.5 s. The fingers go where they are led to, the same way in all.
 
-- selvedge: an isotropic sheet with this Young's modulus and thickness; its upper corners are held until 0.5 s.
+- selvedge: an isotropic sheet of the same grid, held by its upper edge until 0.5 s.
 - flex-sheet: the same law and constants, MuJoCo's discrete integrator, elliptic cone; without gravity until 0.5 s.
 - flex-aloha: elasticity, edge constraints, solver, cone, time step and fingers' contact of the ALOHA scene.
-- ...-tied: the vertices between the fingers are tied to the arm by `connect`, because the grip by contact does not hold.
+- ...-tied: no contact; the vertices between the fingers are tied to the arm by `connect`, since the grip by contact slips.
 
 A step is a frame of 1/60 s of one world. Its time is processor time from 0.5 s on, of all threads, without what is
 measured here: on a machine with nothing else on it, two cores do 2000 / (ms per frame) frames per second.
@@ -79,8 +79,7 @@ def selvedge_worlds(substeps, worlds):
     scene = selvedge.Scene.parse(f"""
         name = "towel"
         material = {{ name = "sheet", density = {MASS / SIDE**2}, damping = {DAMPING}, isotropic = {{ youngs_modulus = {YOUNG}, poissons_ratio = {POISSON}, thickness = {THICKNESS} }} }}
-        mesh = {{ generator = {{ kind = "square", vertices = {COUNT**2}, size = {SIDE}, seed = 1 }} }}
-        handles = {{ label = "upper-corners" }}
+        mesh = {{ generator = {{ kind = "square", vertices = 9, size = {SIDE}, seed = 1 }} }}
         start = "mesh"
         environment = {{ air_density = 0 }}
         physics = {{ substeps = {substeps} }}
@@ -89,6 +88,13 @@ def selvedge_worlds(substeps, worlds):
             {{ name = "left", box = {{ size = [0.02, {PAD}, {PAD}] }}, transform = {{ translation = [-{OPEN}, -{DEPTH}, 0] }} }},
             {{ name = "right", box = {{ size = [0.02, {PAD}, {PAD}] }}, transform = {{ translation = [{OPEN}, -{DEPTH}, 0] }} }},
         ]""")
+    # The grid of flex, hung in the plane x = 0 below y = 0.
+    rows, columns = (k.ravel() for k in np.mgrid[:COUNT, :COUNT])
+    flat = np.stack([columns - (COUNT - 1) / 2, -rows], axis=1) * SPACING
+    first = (COUNT * rows + columns)[(rows < COUNT - 1) & (columns < COUNT - 1)][:, None]
+    faces = np.concatenate([first + [0, COUNT, COUNT + 1], first + [0, COUNT + 1, 1]])
+    places = np.stack([0 * flat[:, 0], flat[:, 1], flat[:, 0]], axis=1)
+    scene = scene.with_mesh(selvedge.Mesh(places, faces, flat), list(range(COUNT)))
     all_worlds = selvedge.Worlds([scene] * worlds)
     positions = all_worlds.positions
     held = positions[:, scene.handles].copy()
@@ -202,8 +208,9 @@ def main():
                 spent, measure = selvedge_worlds(int(steps), chosen.worlds)
             else:
                 kind = method.split("-")[1]
-                finger = ALOHA_FINGER if kind == "aloha" else f'condim="3" solref="{2 / RATE / int(steps)} 1" solimp="0.99 0.99 0.001"'
-                spent, measure = flex_worlds(kind, int(steps), chosen.worlds, chosen.threads, method.endswith("tied"), finger)
+                is_tied = method.endswith("tied")
+                finger = 'contype="0" conaffinity="0"' if is_tied else ALOHA_FINGER if kind == "aloha" else f'condim="3" solref="{2 / RATE / int(steps)} 1" solimp="0.99 0.99 0.001"'
+                spent, measure = flex_worlds(kind, int(steps), chosen.worlds, chosen.threads, is_tied, finger)
         except (RuntimeError, ValueError) as error:
             rows.writerow([method, steps, str(error)])
         else:

@@ -4,7 +4,7 @@
 //! cloth, and gives the bodies the impulses that they received. A body that answers a frame late would be
 //! thrown: so the cloth is stepped again, from the same state, until body and cloth agree on the impulse.
 //! What is left at the end is given as well: cloth and bodies together lose no momentum. Heavy bodies on
-//! cloth that lies on a floor may be thrown all the same.
+//! cloth that lies on a floor are thrown by that; [`World::most_steps`] has what they need.
 
 use rapier3d_f64::prelude::{PhysicsWorld, Pose, RigidBody, RigidBodyHandle, Rotation, Vector};
 use selvedge::glam::{DQuat, DVec3};
@@ -23,9 +23,9 @@ pub struct World {
     pub run: Run,
     /// The rigid bodies. A step is as long as a frame of the cloth.
     pub rapier: PhysicsWorld,
-    /// Steps of the cloth in a frame, at most; 12 at first. With 1 a body answers what it received a frame
-    /// later: for what lies on cloth that is pressed onto a floor, with frames so short that the body goes
-    /// little of the fabric's thickness in one (1/1000 s).
+    /// Steps of the cloth in a frame, at most; 12 at first. With 1 a body answers a frame later: for heavy
+    /// bodies on cloth that lies on a floor, in scenes of 1000 frames per second and more, so that none goes
+    /// far of the fabric's thickness in one.
     pub most_steps: usize,
     bodies: Vec<Body>,
     /// Changes of the impulses that were given, and what these did to those received, scaled, from new
