@@ -247,7 +247,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("--tasks", nargs="+", default=list(POLICIES))
     parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--first", type=int, default=100, help="the first seed; the policies were made with those from 0 on")
+    parser.add_argument("--first", type=int, default=100, help="the first seed; the fold's policy was made with seed 0")
     parser.add_argument("--substeps", type=int, nargs="+", default=[1, 2, 4])
     parser.add_argument("--spacing", type=float, nargs="+", default=[0.015, 0.010])
     parser.add_argument("--threads", type=int, default=os.cpu_count())
