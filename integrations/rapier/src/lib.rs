@@ -23,9 +23,9 @@ pub struct World {
     pub run: Run,
     /// The rigid bodies. A step is as long as a frame of the cloth.
     pub rapier: PhysicsWorld,
-    /// Steps of the cloth in a frame, at most; 12 at first. With 1 a body answers a frame later: for heavy
-    /// bodies on cloth that lies on a floor, in scenes of 1000 frames per second and more, so that none goes
-    /// far of the fabric's thickness in one.
+    /// Steps of the cloth in a frame, at most; 12 at first. With 1 a body goes by what it received in the frame
+    /// before, and is put right after it: for heavy bodies on cloth that lies on a floor, in scenes of 1000
+    /// frames per second and more, so that none goes far of the fabric's thickness in one.
     pub most_steps: usize,
     bodies: Vec<Body>,
     /// Changes of the impulses that were given, and what these did to those received, scaled, from new
@@ -87,10 +87,7 @@ impl World {
     pub fn step_to(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
         let dt = self.rapier.integration_parameters.dt;
         // What the last frame gave is the guess.
-        for body in &mut self.bodies {
-            if self.most_steps == 1 {
-                body.given = Impulse::ZERO;
-            }
+        for body in &self.bodies {
             push(&mut self.rapier.bodies[body.handle], body.given, 0.0);
         }
         self.rapier.step();
