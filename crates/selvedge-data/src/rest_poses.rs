@@ -54,6 +54,17 @@ impl RestPoseFolder {
         }
     }
 
+    /// Creates the folder if it is not there, and tries to write a file in it.
+    ///
+    /// # Errors
+    /// A folder that cannot be written.
+    pub fn check(&self) -> Result<(), WriteError> {
+        let fail = WriteError::when(&self.folder, "write in the folder");
+        fs::create_dir_all(&self.folder).map_err(&fail)?;
+        tempfile::tempfile_in(&self.folder).map_err(fail)?;
+        Ok(())
+    }
+
     /// The pose of `vertices` vertices that was kept as `content`, any text that tells what decides
     /// it; none if there is none.
     ///
@@ -243,6 +254,18 @@ mod tests {
             fs::write(path, &whole[..end]).unwrap();
             says(folder.find("a", 5).unwrap_err(), &[path.to_str().unwrap()]);
         }
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_written_is_said() {
+        let (place, folder) = folder();
+        folder.check().unwrap();
+        assert!(files(&folder).is_empty());
+        // A file is where the folder would be.
+        let path = place.path().join("file");
+        fs::write(&path, "").unwrap();
+        let error = RestPoseFolder::new(path.join("rest-poses")).check();
+        says(error.unwrap_err(), &["rest-poses", "write in the folder"]);
     }
 
     #[test]
