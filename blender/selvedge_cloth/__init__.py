@@ -383,7 +383,7 @@ class SelvedgeSettings(bpy.types.PropertyGroup):
         description="The texture coordinates are the flat, unstrained cloth; else the shape of the mesh is",
     )
     from_start: bpy.props.BoolProperty(
-        name="Start as it is",
+        name="Start at the mesh",
         default=True,
         description="Begin with the mesh as it stands in the first frame; else let it hang to rest first",
     )
