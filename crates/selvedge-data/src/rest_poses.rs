@@ -59,10 +59,11 @@ impl RestPoseFolder {
     /// # Errors
     /// A folder that cannot be written.
     pub fn check(&self) -> Result<(), WriteError> {
-        let fail = WriteError::when(&self.folder, "write in the folder");
-        fs::create_dir_all(&self.folder).map_err(&fail)?;
-        tempfile::tempfile_in(&self.folder).map_err(fail)?;
-        Ok(())
+        let created = fs::create_dir_all(&self.folder);
+        let tried = created.and_then(|()| tempfile::tempfile_in(&self.folder));
+        tried
+            .map(drop)
+            .map_err(WriteError::when(&self.folder, "write in the folder"))
     }
 
     /// The pose of `vertices` vertices that was kept as `content`, any text that tells what decides

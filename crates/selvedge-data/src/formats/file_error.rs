@@ -13,10 +13,7 @@ pub struct Problem(pub(crate) String);
 /// A path or a name as errors begin with it: in quotation marks where nothing of it would be seen.
 pub fn readable_path(path: &Path) -> String {
     let text = path.display().to_string();
-    if text.trim().is_empty() {
-        return format!("{text:?}");
-    }
-    text
+    if text.trim().is_empty() { format!("{text:?}") } else { text }
 }
 
 /// A file that could not be read, and why.
