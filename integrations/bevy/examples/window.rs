@@ -7,6 +7,7 @@ use std::time::Duration;
 use bevy::camera::visibility::NoFrustumCulling;
 use bevy::core_pipeline::tonemapping::Tonemapping;
 use bevy::prelude::*;
+use bevy::render::RenderPlugin;
 use bevy::render::view::screenshot::{Screenshot, ScreenshotCaptured, save_to_disk};
 use bevy::time::TimeUpdateStrategy;
 use selvedge_bevy::ClothPlugin;
@@ -28,12 +29,18 @@ const CAPSULES: [[f32; 3]; 5] = [
 struct Picture(String, u32);
 
 fn main() {
+    let picture = std::env::args().nth(1);
+    let render = RenderPlugin {
+        // A picture is of all that is there.
+        synchronous_pipeline_compilation: picture.is_some(),
+        ..default()
+    };
     let mut app = App::new();
-    app.add_plugins((DefaultPlugins, ClothPlugin))
+    app.add_plugins((DefaultPlugins.set(render), ClothPlugin))
         .insert_resource(ClearColor(Color::srgb(0.92, 0.9, 0.87)))
         .add_systems(Startup, (dress, light))
         .add_systems(Update, (cape::walk, accompany).chain());
-    if let Some(file) = std::env::args().nth(1) {
+    if let Some(file) = picture {
         let step = TimeUpdateStrategy::ManualDuration(Duration::from_secs_f64(1.0 / 60.0));
         app.insert_resource(step)
             .insert_resource(Picture(file, 190))
@@ -126,7 +133,7 @@ fn light(
         Camera3d::default(),
         Tonemapping::AcesFitted,
         AmbientLight {
-            brightness: 400.0,
+            brightness: 1500.0,
             ..default()
         },
     ));
