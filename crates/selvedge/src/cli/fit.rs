@@ -18,7 +18,7 @@ Example:
 The configuration (.toml) has a scene, the data, and bounds of the parameters:
 
   scene = \"swing-scene.toml\"     # a file beside the configuration, or a shipped name
-  starts = 1                     # searches: from the scene's own parameters, then from random ones (seed)
+  starts = 1                     # searches: the scene's own parameters, then random ones (seed)
   runs = 60                      # per search, at most
   data = { markers = \"markers.csv\", noise = 0.001 }     # or trajectory = \"truth.safetensors\"
   material = { stretch = [0.2, 5.0], bend = [0.2, 5.0], density = [0.05, 1.0] }
