@@ -71,8 +71,6 @@ Start here:
       drag the cloth in the browser
   selvedge run default -o truth.safetensors
       the same scene by the solver alone
-  selvedge info truth.safetensors
-      what is in a file
 
 Exit codes: 0 done, 1 failed, 2 wrong usage, 130 interrupted.
 Ctrl-C finishes the files that can be finished; a second one stops at once.";
@@ -172,8 +170,7 @@ pub(crate) struct MergeArgs {
 Examples:
   selvedge train first --data data/first -o runs/first --for 30m
   selvedge train first --data data/first -o runs/first --resume
-  selvedge train rp-gru10 --data data/first -o runs/gpu --device gpu --for 8m
-  selvedge train rp-gru10 --data data/first -o runs/small --set model.latent=32 --set model.blocks=4")]
+  selvedge train rp-gru10 --data data/first -o runs/gpu --device gpu --for 8m")]
 pub(crate) struct TrainArgs {
     /// A configuration: a TOML file, or the name of a shipped one (`selvedge list configs`).
     pub(crate) config: String,
@@ -236,8 +233,6 @@ pub(crate) struct CompareArgs {
 #[command(after_help = "\
 Examples:
   selvedge info out/rollout.safetensors
-  selvedge info data/first
-  selvedge info my-scene.toml
   selvedge info out/rollout.safetensors --picture strain.png
 
 Lengths are in metres, all numbers in SI units; --json has the configurations too.")]

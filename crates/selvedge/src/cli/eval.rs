@@ -25,10 +25,8 @@ pub(super) const MOST_THREADS: i64 = 1024;
 Examples:
   selvedge eval --model runs/first/model.safetensors --data data/first
   selvedge eval --model ours=a.safetensors --model theirs=b.safetensors --data data/first -o report
-  selvedge eval --model a.safetensors --data data/first --guard none,limit --physics 1,2,8
   selvedge eval default -o out/convergence --physics linearised:1,linearised:4,generalised-alpha:4
   selvedge eval default -o out/models --motion unseen --model paper --physics 1,2
-  selvedge eval --random 100 --model paper
   selvedge eval --random 1000 --mesh all --guard none --physics 2 -o out/random
 
 The folder of -o gets report.md, errors.csv (a row for each run and frame), times.md

@@ -23,10 +23,8 @@ The configuration (.toml) has a scene, the data, and bounds of the parameters:
   data = { markers = \"markers.csv\", noise = 0.001 }     # or trajectory = \"truth.safetensors\"
   material = { stretch = [0.2, 5.0], bend = [0.2, 5.0], density = [0.05, 1.0] }
 
-Other keys: material.stretch_columns, bend_rows, stretch_entries, bend_entries, damping;
-environment.air_density, air_drag, wind; start.place, velocity, spin; motion.translation,
-rotation_deg. The folder gets report.md, fit.json, run.safetensors, and the estimates:
-fabric.toml, start.safetensors, motion.toml. A fabric from drapes: selvedge drape fit.")]
+docs/src/guides/fitting.md has all keys. The folder gets report.md, fit.json, run.safetensors
+and the estimates as files for scenes. A fabric from drapes: selvedge drape fit.")]
 pub(crate) struct FitArgs {
     /// The configuration (.toml).
     pub(crate) config: PathBuf,

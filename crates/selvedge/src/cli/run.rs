@@ -20,8 +20,6 @@ use super::{DeviceArgs, MOST_FRAMES};
 Examples:
   selvedge run default -o truth.safetensors
   selvedge run my-scene.toml --frames 120 -o run.safetensors --export run.glb
-  selvedge run my-scene.toml --start mesh -o fall.safetensors --export fall.gif
-  selvedge run arcsim-scene.json -o run.safetensors --states states.safetensors
   selvedge run my-scene.toml --start states.safetensors:60 -o on.safetensors
   selvedge run my-scene.toml --rest -o rest.obj
   selvedge run --model paper --compare

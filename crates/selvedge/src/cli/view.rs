@@ -16,7 +16,6 @@ use super::DeviceArgs;
 #[command(after_help = "\
 Examples:
   selvedge view --open
-  selvedge view default --model paper --show model
   selvedge view my-scene.toml --model my-model.safetensors --show both
   selvedge view out/truth.safetensors --beside out/rollout.safetensors
 
