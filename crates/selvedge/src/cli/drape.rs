@@ -47,7 +47,7 @@ pub(crate) struct DrapeTestArgs {
 /// Fit a fabric to measured drapes.
 ///
 /// Bending stiffness along u, along v and along the bias and shear stiffness are searched for within
-/// bounds, without derivatives. Every try is a few drapes, a second each.
+/// bounds, without derivatives. Every evaluation simulates a few drapes, a second each.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Example:
@@ -62,7 +62,7 @@ pub(crate) struct DrapeFitArgs {
     #[arg(long, value_name = "NAME")]
     pub(crate) fabric: String,
     /// Mass per area [kg/m²]. A drape shows stiffness over mass alone: where it is not known, any
-    /// will do.
+    /// value serves.
     #[arg(long, value_name = "KG/M2")]
     pub(crate) density: f64,
     /// Specimens (column sample) that are fitted; the others are a check [default: all].
@@ -71,10 +71,10 @@ pub(crate) struct DrapeFitArgs {
     /// The fabric's file (.toml).
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: PathBuf,
-    /// Drapes of a try, on meshes of the seeds 1, 2 and so on.
+    /// Drapes per evaluation, on meshes of the seeds 1, 2 and so on.
     #[arg(long, value_name = "N", default_value = "4", value_parser = clap::value_parser!(u16).range(1..=1000))]
     pub(crate) seeds: u16,
-    /// Fabrics that are tried at most.
+    /// Evaluations at most.
     #[arg(long, value_name = "N", default_value = "60", value_parser = clap::value_parser!(u16).range(1..))]
     pub(crate) tries: u16,
     #[command(flatten)]
