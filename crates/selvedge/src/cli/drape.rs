@@ -20,7 +20,7 @@ pub(crate) enum DrapeCommand {
 #[derive(Debug, Args)]
 pub(crate) struct DrapedArgs {
     /// Vertices of the disc: 15, 10, 7 and 5 mm apart are 410, 870, 1720 and 3300.
-    #[arg(long, value_name = "N", default_value = "840", value_parser = clap::value_parser!(u32).range(100..=100_000))]
+    #[arg(long, value_name = "N", default_value = "1720", value_parser = clap::value_parser!(u32).range(100..=100_000))]
     pub(crate) vertices: u32,
     /// Drapes that are made at once [default: as many as there are processors].
     #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
@@ -32,7 +32,7 @@ pub(crate) struct DrapedArgs {
 #[command(after_help = "\
 Examples:
   selvedge drape test
-  selvedge drape test gray-interlock my-fabric.toml --seeds 20 --vertices 1720")]
+  selvedge drape test gray-interlock my-fabric.toml --seeds 20 --vertices 3300")]
 pub(crate) struct DrapeTestArgs {
     /// Fabrics: names or TOML files [default: all that ship].
     #[arg(value_name = "MATERIAL")]
