@@ -15,7 +15,7 @@ use thiserror::Error;
 use super::Simulator;
 use crate::active_handles::ActiveHandles;
 use crate::contact::ObstacleSlope;
-use crate::integrator::{Pulled, SubstepTape};
+use crate::integrator::{Changes, Pulled, SubstepTape, Tape};
 use crate::solver::{MaterialGradient, SolveError};
 use crate::state::State;
 
@@ -33,7 +33,7 @@ impl Default for GradientSettings {
     fn default() -> Self {
         Self {
             memory: 96 << 20,
-            segment: 16,
+            segment: 8,
         }
     }
 }
@@ -119,8 +119,8 @@ pub(super) struct Recording {
     /// Snapshots before the first frame of each segment.
     snapshots: Vec<Snapshot>,
     frames: Vec<Frame>,
-    /// The frames before this one keep no substeps.
-    forgotten: usize,
+    /// The frames before these keep no substeps, and no Δv.
+    forgotten: [usize; 2],
     bytes: usize,
     /// True if the first substep can look back.
     looks_back: bool,
@@ -136,20 +136,32 @@ struct Frame {
     /// Motions by which the obstacles were led, `[obstacles]`.
     leads: Vec<Rigid>,
     substeps: Vec<SubstepTape>,
-    bytes: usize,
+    /// Δv of its solves, with which it is computed again.
+    solves: Vec<Changes>,
+    /// Memory of these two.
+    bytes: [usize; 2],
 }
 
 impl Recording {
-    /// Keeps the substeps of frame `k`.
-    fn keep(&mut self, k: usize, substeps: Vec<SubstepTape>, bytes: usize) {
-        (self.frames[k].substeps, self.frames[k].bytes) = (substeps, bytes);
-        self.bytes += bytes;
+    /// Keeps what `tape` has of frame `k`.
+    fn keep(&mut self, k: usize, tape: &mut Tape) {
+        let frame = &mut self.frames[k];
+        let of_substeps = tape.bytes();
+        (frame.substeps, frame.solves) = tape.take();
+        let of_solves = frame.solves.iter().map(|changes| size_of_val(&changes[..]));
+        let before = std::mem::replace(&mut frame.bytes, [of_substeps, of_solves.sum()]);
+        self.bytes += frame.bytes.iter().sum::<usize>();
+        self.bytes -= before.iter().sum::<usize>();
     }
 
-    /// Drops the substeps of frame `k`.
-    fn forget(&mut self, k: usize) {
-        self.frames[k].substeps = Vec::new();
-        self.bytes -= std::mem::take(&mut self.frames[k].bytes);
+    /// Drops the substeps of frame `k`, or its Δv.
+    fn forget(&mut self, k: usize, part: usize) {
+        let frame = &mut self.frames[k];
+        match part {
+            0 => frame.substeps = Vec::new(),
+            _ => frame.solves = Vec::new(),
+        }
+        self.bytes -= std::mem::take(&mut frame.bytes[part]);
     }
 }
 
@@ -173,7 +185,7 @@ impl Simulator {
             settings,
             snapshots: Vec::new(),
             frames: Vec::new(),
-            forgotten: 0,
+            forgotten: [0; 2],
             bytes: 0,
             looks_back: self.history.last_substep().is_some(),
         }));
@@ -223,20 +235,24 @@ impl Simulator {
                 .environment
                 .during_step(self.frame - 1, self.scene.frame_rate),
             substeps: Vec::new(),
-            bytes: 0,
+            solves: Vec::new(),
+            bytes: [0; 2],
         };
         recording.snapshots.extend(begun.snapshot);
         recording.frames.push(frame);
         let last = recording.frames.len() - 1;
         if let Some(tape) = &mut self.active.system.tape {
-            let bytes = tape.bytes();
-            recording.keep(last, tape.take(), bytes);
+            recording.keep(last, tape);
         }
         let segment = recording.settings.segment.max(1);
-        while recording.bytes > recording.settings.memory && recording.forgotten + segment <= last {
-            let from = recording.forgotten;
-            (from..from + segment).for_each(|k| recording.forget(k));
-            recording.forgotten += segment;
+        for part in 0..2 {
+            while recording.bytes > recording.settings.memory
+                && recording.forgotten[part] + segment <= last
+            {
+                let from = recording.forgotten[part];
+                (from..from + segment).for_each(|k| recording.forget(k, part));
+                recording.forgotten[part] += segment;
+            }
         }
     }
 
@@ -361,8 +377,10 @@ impl Simulator {
                     _ => state.positions[handles[handle].index()] += by,
                 }
             }
-            if k < recording.forgotten {
-                recording.forget(k);
+            for part in 0..2 {
+                if k < recording.forgotten[part] {
+                    recording.forget(k, part);
+                }
             }
         }
         ask(0, &mut state)?;
@@ -406,14 +424,15 @@ impl Simulator {
         let first = k / segment * segment;
         self.rewind(&recording.snapshots[k / segment])?;
         for k in first..=k {
-            self.active.system.tape = Some(Box::default());
+            let mut tape = Box::<Tape>::default();
+            tape.known = recording.frames[k].solves.clone().into_iter();
+            self.active.system.tape = Some(tape);
             for (number, lead) in recording.frames[k].leads.iter().enumerate() {
                 self.lead_obstacle(number, *lead)?;
             }
             self.step(&recording.frames[k].targets.clone())?;
             if let Some(mut tape) = self.active.system.tape.take() {
-                let bytes = tape.bytes();
-                recording.keep(k, tape.take(), bytes);
+                recording.keep(k, &mut tape);
             }
         }
         Ok(())
