@@ -16,7 +16,7 @@ use crate::laws::external::{AirResistance, Drag, air_response};
 use crate::laws::number::{Dual, DualVector, Number, Vector};
 use crate::laws::stretch::{StretchElement, StretchResponse};
 use crate::laws::stretch_energy::StretchEnergy;
-use crate::solver::elements::Elements;
+use crate::solver::Elements;
 use crate::{Gradient, GradientSettings, Simulator};
 
 type D = Dual;
