@@ -6,10 +6,12 @@
 
 use glam::{DVec2, DVec3};
 use selvedge_cloth::{
-    Environment, HandleTargets, Handles, Integrator, LinearSolver, Mesh, Scene, Stepper,
+    Environment, HandleTargets, Handles, Integrator, LinearSolver, Mesh, Scene, Stepper, Touching,
 };
 
+use super::SubstepTape;
 use super::two_step::TwoStep;
+use crate::contact::Moved;
 use crate::edges::free_edges;
 use crate::laws::bend::BendElement;
 use crate::laws::external::{AirResistance, Drag, air_response};
@@ -425,9 +427,111 @@ impl Cloth {
         [end, next]
     }
 
-    /// The states after each frame, in which the handles go to `targets`, `[frames][handles]`.
-    fn run(&self, mut state: Dynamic, targets: &[Vec<V>]) -> Vec<Dynamic> {
-        let mut before = None;
+    /// A substep in which things touched, otherwise as [`Self::substep`]: its solves by the implicit function
+    /// theorem, with the collisions that were recorded. `pulls` are the rates of the anchors.
+    fn touching(
+        &self,
+        tape: &SubstepTape,
+        start: &Dynamic,
+        before: Option<&Dynamic>,
+        pulls: &mut Vec<(Touching, DVec3, DVec3)>,
+    ) -> [Dynamic; 2] {
+        assert!(self.formula.point == 1.0 && tape.pushed.is_empty() && tape.safe.is_none());
+        let base = before.map_or(start.clone(), |before| {
+            start.extrapolated(before, self.formula.weight)
+        });
+        let gamma = before.map_or(self.dt, |_| self.formula.gamma(self.dt));
+        let mut at = self.predict(gamma, &base, &start.v, &start.x, &[]);
+        let expected = at.x.clone();
+        if !tape.touching.unwrap().is_near {
+            at = Dynamic {
+                x: base.x.clone(),
+                v: vec![still(DVec3::ZERO); at.v.len()],
+            };
+        }
+        let (mut estimates, mut shapes, mut left) = (Vec::new(), Vec::new(), Vec::new());
+        for solve in &tape.stages[0] {
+            let (a, b) = self.assemble(gamma, &base, &at);
+            let changes = |v: usize| constant(solve.changes[v / 3][v % 3]);
+            let places = at.x.iter().zip(&solve.changes[..]);
+            let end: Vec<V> = places.map(|(x, dv)| *x + still(*dv * gamma)).collect();
+            let moved = Moved {
+                gamma,
+                time: self.dt,
+                point: 1.0,
+                start: &start.x,
+                velocities: &start.v,
+                expected: &expected,
+                end: &end,
+                estimates: &estimates,
+                masses: &self.mass,
+                anchors: pulls,
+            };
+            let mut forces = vec![DVec3::ZERO; end.len()];
+            let (collisions, came_from) = (&solve.collisions, &solve.came_from);
+            let shapes_before = std::mem::take(&mut shapes);
+            shapes = collisions
+                .rates(came_from, &moved, &shapes_before, &mut forces)
+                .0;
+            // The rates of b - A Δv, and A with what touches.
+            let residual: Vec<D> = (0..b.len())
+                .map(|row| {
+                    let product =
+                        (0..b.len()).fold(constant(0.0), |sum, k| sum + a[row][k] * changes(k));
+                    constant((b[row] - product).rates[0] + forces[row / 3][row % 3])
+                })
+                .collect();
+            let mut whole: Vec<Vec<D>> = a
+                .iter()
+                .map(|row| row.iter().map(|n| constant(n.value)).collect())
+                .collect();
+            for column in 0..b.len() {
+                let mut unit = vec![DVec3::ZERO; end.len()];
+                unit[column / 3][column % 3] = 1.0;
+                let mut product = vec![DVec3::ZERO; end.len()];
+                collisions.multiply(1.0, &unit, &mut product);
+                for (row, entries) in whole.iter_mut().enumerate() {
+                    entries[column].value += product[row / 3][row % 3];
+                }
+            }
+            let solved = eliminate(whole, residual)
+                .into_iter()
+                .zip(&solve.changes[..]);
+            let changes: Vec<V> = solved
+                .map(|(rates, dv)| DualVector::new(*dv, [value(rates)]))
+                .collect();
+            at = stepped(&at, &changes, gamma);
+            estimates.push(at.x.clone());
+            let ended = Moved {
+                end: &at.x,
+                estimates: &estimates,
+                ..moved
+            };
+            left = collisions
+                .rates(came_from, &ended, &shapes_before, &mut forces)
+                .1;
+        }
+        *pulls = left;
+        let next = match before {
+            Some(before) => {
+                let [by_end, by_start, by_before] = self.formula.before_weights().map(constant);
+                let next = at.map(start, |end, start| end * by_end + start * by_start);
+                next.map(before, |sum, before| sum + before * by_before)
+            }
+            None => start.clone(),
+        };
+        [at, next]
+    }
+
+    /// The states after each frame, in which the handles go to `targets`, `[frames][handles]`, of a run that
+    /// left these substeps.
+    fn run(
+        &self,
+        mut state: Dynamic,
+        targets: &[Vec<V>],
+        recorded: &[&SubstepTape],
+    ) -> Vec<Dynamic> {
+        let (mut before, mut pulls, mut recorded) = (None, Vec::new(), recorded.iter());
         let frame = |targets: &Vec<V>| {
             let from: Vec<V> = self.held.iter().map(|v| state.x[*v]).collect();
             for number in 1..=self.substeps {
@@ -436,7 +540,14 @@ impl Cloth {
                 let ends: Vec<V> = ways
                     .map(|(from, to)| *from + (*to - *from) * part)
                     .collect();
-                let [end, next] = self.substep(&state, before.as_ref(), &ends);
+                let tape = recorded.next().unwrap();
+                let looks_back = before.as_ref().filter(|_| tape.before.is_some());
+                let [end, next] = if tape.touching.is_some() {
+                    self.touching(tape, &state, looks_back, &mut pulls)
+                } else {
+                    pulls.clear();
+                    self.substep(&state, looks_back, &ends)
+                };
                 (state, before) = (end, Some(next));
             }
             state.clone()
@@ -570,8 +681,8 @@ impl Case {
         ]
     }
 
-    /// The gradient, and positions after each frame.
-    fn adjoint(&self) -> (Gradient, Vec<Vec<DVec3>>) {
+    /// The gradient, positions after each frame, and the solver with its recording.
+    fn adjoint(&self) -> (Gradient, Vec<Vec<DVec3>>, Simulator) {
         let [places, velocities] = self.start.clone();
         let mut cloth = Simulator::with_state(&self.scene, places, velocities).unwrap();
         cloth.record_gradient(GradientSettings::default()).unwrap();
@@ -595,11 +706,11 @@ impl Case {
                 });
             }
         });
-        (gradient.unwrap(), places)
+        (gradient.unwrap(), places, cloth)
     }
 
     /// The slope of the value along `direction`, and positions after each frame.
-    fn forward(&self, direction: &Direction) -> (f64, Vec<Vec<DVec3>>) {
+    fn forward(&self, cloth: &Simulator, direction: &Direction) -> (f64, Vec<Vec<DVec3>>) {
         let scenes = [-STEP, 0.0, STEP].map(|part| {
             let mut scene = self.scene.clone();
             (direction.scene)(&mut scene, part);
@@ -622,7 +733,8 @@ impl Case {
         let targets: Vec<Vec<V>> = targets
             .map(|(k, places)| both(places, direction.targets.get(k).unwrap_or(&none)))
             .collect();
-        let frames = Cloth::new(&scenes).run(start, &targets);
+        let recorded: Vec<_> = cloth.recorded().collect();
+        let frames = Cloth::new(&scenes).run(start, &targets, &recorded);
         let mut slope = 0.0;
         for (k, frame) in frames.iter().enumerate() {
             for (of, weights) in [&frame.x, &frame.v].into_iter().zip(self.weights(k + 1)) {
@@ -640,9 +752,9 @@ impl Case {
     }
 
     fn check(&self, name: &str, directions: &[Direction]) {
-        let (gradient, expected) = self.adjoint();
+        let (gradient, expected, cloth) = self.adjoint();
         for direction in directions {
-            let (slope, places) = self.forward(direction);
+            let (slope, places) = self.forward(&cloth, direction);
             for (frame, (places, expected)) in places.iter().zip(&expected).enumerate() {
                 for (place, expected) in places.iter().zip(expected) {
                     let off = place.distance(*expected);
@@ -794,5 +906,37 @@ fn the_adjoint_is_the_forward_sensitivity() {
         ("navy", NAVY_SPARKLE_SWEAT),
     ] {
         Case::new(hanging(fabric), 8).check(name, &directions(12, 2, 8));
+    }
+}
+
+/// A rumpled sheet that falls askew onto a body with friction.
+fn falling(body: selvedge_cloth::bodies::Body) -> Scene {
+    let mut scene = hanging(selvedge_assets::materials::GRAY_INTERLOCK);
+    scene.handles = Handles::new(&[], 12).unwrap();
+    let lying = |p: &DVec3| DVec3::new(p.x - 0.15, 6e-3 + 0.03 * p.y, p.y - 0.1);
+    let places = scene.mesh.positions().iter().map(lying).collect();
+    scene.mesh = scene.mesh.with_positions(places).unwrap();
+    scene.environment.wind = DVec3::new(0.5, -0.2, 0.1);
+    scene.obstacles = vec![selvedge_cloth::Obstacle::of("body", body).unwrap()];
+    scene.contact = Some(selvedge_cloth::ContactSettings {
+        thickness: 2e-3,
+        friction: 0.4,
+        ..Default::default()
+    });
+    scene
+}
+
+#[test]
+fn the_adjoint_is_the_forward_sensitivity_with_contact() {
+    use selvedge_cloth::bodies;
+    let ball = bodies::sphere(0.2, 0.1).placed(1.0, |p| p - DVec3::Y * 0.2);
+    for (name, body) in [("floor", bodies::plane([1.0, 1.0])), ("ball", ball)] {
+        let case = Case::new(falling(body), 8);
+        let (_, _, cloth) = case.adjoint();
+        let touching = cloth
+            .recorded()
+            .filter(|substep| substep.touching.is_some());
+        assert!(touching.count() > 4, "{name}");
+        case.check(name, &directions(12, 0, 8));
     }
 }

@@ -462,3 +462,15 @@ pub(crate) fn check(scene: &Scene) -> Result<(), GradientError> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+impl Simulator {
+    /// The substeps that are recorded.
+    pub(crate) fn recorded(&self) -> impl Iterator<Item = &SubstepTape> {
+        let frames = self
+            .recording
+            .iter()
+            .flat_map(|recording| &recording.frames);
+        frames.flat_map(|frame| &frame.substeps)
+    }
+}
