@@ -501,15 +501,14 @@ impl Cloth {
                 .map(|(rates, dv)| DualVector::new(*dv, [value(rates)]))
                 .collect();
             at = stepped(&at, &changes, gamma);
-            estimates.push(at.x.clone());
             let ended = Moved {
                 end: &at.x,
-                estimates: &estimates,
                 ..moved
             };
             left = collisions
                 .rates(came_from, &ended, &shapes_before, &mut forces)
                 .1;
+            estimates.push(at.x.clone());
         }
         *pulls = left;
         let next = match before {
