@@ -22,8 +22,8 @@ use crate::state::State;
 /// Memory of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GradientSettings {
-    /// Bytes that the substeps may take. Beyond, the oldest frames are computed again by
-    /// [`Simulator::backward`].
+    /// Bytes that a recording may take. Beyond, the oldest frames keep what their solves found, 24 bytes for each
+    /// vertex and solve, by which [`Simulator::backward`] computes them again.
     pub memory: usize,
     /// Frames from one snapshot to the next, which are computed again together.
     pub segment: usize,
@@ -119,8 +119,8 @@ pub(super) struct Recording {
     /// Snapshots before the first frame of each segment.
     snapshots: Vec<Snapshot>,
     frames: Vec<Frame>,
-    /// The frames before these keep no substeps, and no Δv.
-    forgotten: [usize; 2],
+    /// The frames before this one keep no substeps.
+    forgotten: usize,
     bytes: usize,
     /// True if the first substep can look back.
     looks_back: bool,
@@ -138,30 +138,23 @@ struct Frame {
     substeps: Vec<SubstepTape>,
     /// Δv of its solves, with which it is computed again.
     solves: Vec<Changes>,
-    /// Memory of these two.
-    bytes: [usize; 2],
+    /// Memory of the substeps.
+    bytes: usize,
 }
 
 impl Recording {
     /// Keeps what `tape` has of frame `k`.
     fn keep(&mut self, k: usize, tape: &mut Tape) {
         let frame = &mut self.frames[k];
-        let of_substeps = tape.bytes();
+        frame.bytes = tape.bytes();
+        self.bytes += frame.bytes;
         (frame.substeps, frame.solves) = tape.take();
-        let of_solves = frame.solves.iter().map(|changes| size_of_val(&changes[..]));
-        let before = std::mem::replace(&mut frame.bytes, [of_substeps, of_solves.sum()]);
-        self.bytes += frame.bytes.iter().sum::<usize>();
-        self.bytes -= before.iter().sum::<usize>();
     }
 
-    /// Drops the substeps of frame `k`, or its Δv.
-    fn forget(&mut self, k: usize, part: usize) {
-        let frame = &mut self.frames[k];
-        match part {
-            0 => frame.substeps = Vec::new(),
-            _ => frame.solves = Vec::new(),
-        }
-        self.bytes -= std::mem::take(&mut frame.bytes[part]);
+    /// Drops the substeps of frame `k`.
+    fn forget(&mut self, k: usize) {
+        self.frames[k].substeps = Vec::new();
+        self.bytes -= std::mem::take(&mut self.frames[k].bytes);
     }
 }
 
@@ -185,7 +178,7 @@ impl Simulator {
             settings,
             snapshots: Vec::new(),
             frames: Vec::new(),
-            forgotten: [0; 2],
+            forgotten: 0,
             bytes: 0,
             looks_back: self.history.last_substep().is_some(),
         }));
@@ -211,6 +204,8 @@ impl Simulator {
         let recording = self.recording.as_ref()?;
         let segment = recording.settings.segment.max(1);
         let is_first = recording.frames.len().is_multiple_of(segment);
+        // Without what a step that failed has left.
+        self.active.system.tape = Some(Box::default());
         Some(Begun {
             snapshot: if is_first { self.snapshot() } else { None },
             holds: self.active.holds().to_vec(),
@@ -236,23 +231,23 @@ impl Simulator {
                 .during_step(self.frame - 1, self.scene.frame_rate),
             substeps: Vec::new(),
             solves: Vec::new(),
-            bytes: [0; 2],
+            bytes: 0,
         };
         recording.snapshots.extend(begun.snapshot);
         recording.frames.push(frame);
         let last = recording.frames.len() - 1;
         if let Some(tape) = &mut self.active.system.tape {
             recording.keep(last, tape);
+            let solves = recording.frames[last].solves.iter();
+            recording.bytes += solves
+                .map(|changes| size_of_val(&changes[..]))
+                .sum::<usize>();
         }
         let segment = recording.settings.segment.max(1);
-        for part in 0..2 {
-            while recording.bytes > recording.settings.memory
-                && recording.forgotten[part] + segment <= last
-            {
-                let from = recording.forgotten[part];
-                (from..from + segment).for_each(|k| recording.forget(k, part));
-                recording.forgotten[part] += segment;
-            }
+        while recording.bytes > recording.settings.memory && recording.forgotten + segment <= last {
+            let from = recording.forgotten;
+            (from..from + segment).for_each(|k| recording.forget(k));
+            recording.forgotten += segment;
         }
     }
 
@@ -377,10 +372,8 @@ impl Simulator {
                     _ => state.positions[handles[handle].index()] += by,
                 }
             }
-            for part in 0..2 {
-                if k < recording.forgotten[part] {
-                    recording.forget(k, part);
-                }
+            if k < recording.forgotten {
+                recording.forget(k);
             }
         }
         ask(0, &mut state)?;

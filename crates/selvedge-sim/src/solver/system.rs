@@ -381,10 +381,8 @@ impl System {
             None => self.solve_anew(span),
         };
         if let Some(tape) = &mut self.tape {
-            let changes = solved
-                .is_ok()
-                .then(|| known.unwrap_or_else(|| self.changes[..].into()));
-            tape.keep(changes);
+            let changes = known.unwrap_or_else(|| self.changes[..].into());
+            tape.keep(solved.is_ok().then_some(changes));
         }
         solved?;
         self.solved_span = span;
