@@ -1,7 +1,6 @@
 //! What a substep leaves for its derivatives.
 
-use std::sync::Arc;
-use std::vec::IntoIter;
+use std::{sync::Arc, vec::IntoIter};
 
 use glam::DVec3;
 
@@ -125,11 +124,9 @@ impl Tape {
 
     /// The substeps, and Δv of all solves, none if one failed, which are taken out.
     pub(crate) fn take(&mut self) -> (Vec<SubstepTape>, Vec<Changes>) {
-        let mut taken = std::mem::take(self);
-        if taken.has_failed {
-            taken.solves.clear();
-        }
-        (taken.substeps, taken.solves)
+        let taken = std::mem::take(self);
+        let solves = if taken.has_failed { Vec::new() } else { taken.solves };
+        (taken.substeps, solves)
     }
 
     /// Keeps the Δv of a solve, none if it failed.

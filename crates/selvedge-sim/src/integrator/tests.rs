@@ -4,6 +4,8 @@
 //! Numbers of elements, masses and environment are those of the solver; their rates are differences of scenes
 //! that are moved along the direction, exact for all that enters linearly. All that follows is dual.
 
+#![allow(clippy::print_stdout, reason = "the differences that were found")]
+
 use glam::{DVec2, DVec3};
 use selvedge_cloth::{
     Environment, HandleTargets, Handles, Integrator, LinearSolver, Mesh, Scene, Stepper, Touching,

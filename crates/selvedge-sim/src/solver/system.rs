@@ -373,13 +373,10 @@ impl System {
     /// about within `span` `[s]`, which scales the last solution to a first guess.
     pub(crate) fn solve(&mut self, span: f64) -> Result<(), SolveError> {
         let known = self.tape.as_mut().and_then(|tape| tape.known.next());
-        let solved = match &known {
-            Some(changes) => {
-                self.changes.copy_from_slice(changes);
-                Ok(())
-            }
-            None => self.solve_anew(span),
-        };
+        if let Some(changes) = &known {
+            self.changes.copy_from_slice(changes);
+        }
+        let solved = if known.is_some() { Ok(()) } else { self.solve_anew(span) };
         if let Some(tape) = &mut self.tape {
             let changes = known.unwrap_or_else(|| self.changes[..].into());
             tape.keep(solved.is_ok().then_some(changes));
