@@ -143,7 +143,7 @@ impl<I: Inference> Stepper for LearnedStepper<I> {
         self.state.begin_step(model, targets)?;
         let (graph, features) = (self.state.graph(), self.state.features());
         let output = self.inference.forward(model, graph, features, frame)?;
-        self.state.predict(model, targets, output)?;
+        self.state.predict(model, output)?;
         self.state.accept();
         Ok(())
     }
