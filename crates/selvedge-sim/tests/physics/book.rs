@@ -2,7 +2,7 @@
 #![allow(clippy::print_stdout, reason = "the figures, for the docs")]
 
 use glam::{DVec2, DVec3};
-use selvedge_cloth::{Compression, Handles, Mesh, Obstacle, Scene, Stepper, bodies};
+use selvedge_cloth::{Compression, Handles, Mesh, Obstacle, Scene, bodies};
 use selvedge_sim::Simulator;
 
 use crate::scenes::squares;
