@@ -86,6 +86,15 @@ def falls(folder):
     return radius - float(away.min()) if fell > 0.1 else 1.0
 
 
+def refusal():
+    """The words with which a bake is refused; empty where it is not."""
+    try:
+        bpy.ops.selvedge.run()
+        return ""
+    except RuntimeError as error:
+        return str(error)
+
+
 def cape(program, folder):
     """A cape in centimetres with loose vertices, whose upper row a bone carries: every pin of every frame that Blender
     shows is compared with the armature's. Returns the largest distance in centimetres; infinity where unit,
@@ -138,6 +147,12 @@ def cape(program, folder):
         swung = (at(shown, 80) - at(led, number(8, 8))).length
     text = tomllib.loads((folder / "scene.toml").read_text())
     print(f"a cape of {len(cloth.data.vertices)} vertices on a bone: pins {off:.1e} cm off, its hem swings {swung:.1f} cm")
+    settings.by_pattern = True
+    unmapped = refusal()
+    settings.by_pattern, settings.bodies = False, bpy.data.collections.new("nobody")
+    bodiless = refusal()
+    if "has no texture coordinates" not in unmapped or "nobody has no mesh" not in bodiless:
+        sys.exit(f"not refused: {unmapped}, {bodiless}")
     right = len(cloth.data.vertices) == 81 and np.allclose(text["environment"]["gravity"], [0, -4.905, 0]) and 5 < swung < 60
     return off if right else float("inf")
 
@@ -182,17 +197,14 @@ def main():
         moved = float(np.abs(arrays["positions"][-1] - arrays["positions"][0]).max())
         hands[0].select_set(False)
         hands[1].select_set(False)
-        try:
-            bpy.ops.selvedge.run()
-            refused = False
-        except RuntimeError as error:
-            refused = "Choose the vertex group" in str(error)
+        refused = "Choose the vertex group" in refusal()
         for hand in hands:
             hand.select_set(True)
         made = bpy.context.scene
         made.selvedge.model, made.selvedge.folder = "paper", str(folder / "by-model")
         made.render.fps = 60
-        by_model = bpy.ops.selvedge.run() == {"FINISHED"} and (folder / "by-model/cloth.pc2").exists()
+        bake = selvedge_cloth.Bake(bpy.context)
+        by_model = bake.end(bpy.context) and (folder / "by-model/cloth.pc2").exists() and any("out of distribution" in line for line in bake.warnings())
         made.selvedge.model = ""
         (folder / "ball").mkdir()
         inside = falls(folder / "ball")

@@ -197,6 +197,10 @@ def prepare(context, folder):
     empties = sorted((e for e in context.selected_objects if e.type == "EMPTY"), key=lambda e: e.name)
     bodies = [] if settings.bodies is None else settings.bodies.all_objects
     bodies = sorted((b for b in bodies if b.type == "MESH" and b != item), key=lambda b: b.name)
+    if settings.bodies is not None and not bodies:
+        raise Problem(f"The collection {settings.bodies.name} has no mesh beside the cloth: choose another one under Bodies")
+    if settings.by_pattern and item.data.uv_layers.active is None:
+        raise Problem(f"{item.name} has no texture coordinates: unwrap it, or switch off UVs are the pattern")
     if not empties and not bodies and not settings.pins:
         raise Problem("Choose the vertex group of the pins, select empties that hold the cloth, or choose bodies on which it falls")
     frames = range(scene.frame_start, scene.frame_end + 1)
@@ -207,8 +211,7 @@ def prepare(context, folder):
         mesh, numbers = cloth_mesh(item)
         mesh.transform(item.matrix_world)
         points = [vertex.co * scale for vertex in mesh.vertices]
-        by_pattern = settings.by_pattern and mesh.uv_layers.active is not None
-        write_mesh(mesh, points, mesh.uv_layers.active if by_pattern else None, folder / "mesh.obj")
+        write_mesh(mesh, points, mesh.uv_layers.active if settings.by_pattern else None, folder / "mesh.obj")
         holders = held(points, empties, scale)
         begin = [empty.matrix_world.inverted() for empty in empties]
         pins = set(pinned(item, settings.pins)) if settings.pins else set()
@@ -233,7 +236,7 @@ def prepare(context, folder):
         write_pins(paths, folder / "pins.csv")
     for number, places in enumerate(samples):
         write_body(places, faces[number], rate, folder / f"body_{number}.usda")
-    write_scene(scene, handles, bodies, rate, by_pattern, folder / "scene.toml")
+    write_scene(scene, handles, bodies, rate, settings.by_pattern, folder / "scene.toml")
     return frames, mesh
 
 
@@ -291,6 +294,11 @@ class Bake:
         lines = (self.folder / "log.txt").read_text(encoding="utf-8").strip().splitlines()
         return lines[-1] if lines else ""
 
+    def warnings(self):
+        """The warnings of the program, and why a model's run is not to be trusted."""
+        lines = (self.folder / "log.txt").read_text(encoding="utf-8").splitlines()
+        return [line.removeprefix(" WARN ") for line in lines if line.startswith((" WARN ", "out of distribution", "not to be trusted"))]
+
     def progress(self):
         """How far the program says it is, from 0 to 1."""
         found = re.search(r"(\d+) of (\d+) frames", self.said())
@@ -324,6 +332,8 @@ class SELVEDGE_OT_run(bpy.types.Operator):
 
     def _end(self, context):
         item = self.bake.end(context)
+        for line in self.bake.warnings():
+            self.report({"WARNING"}, line)
         self.report({"INFO"}, f"{item.name}: {len(self.bake.frames)} frames, in {self.bake.folder}")
         return {"FINISHED"}
 
@@ -383,15 +393,15 @@ class SelvedgeSettings(bpy.types.PropertyGroup):
         description="The texture coordinates are the flat, unstrained cloth; else the shape of the mesh is",
     )
     from_start: bpy.props.BoolProperty(
-        name="Start as it is",
+        name="Start at the mesh",
         default=True,
-        description="Begin with the mesh as it stands in the first frame; else let it hang to rest first",
+        description="Begin with the mesh as it is in the first frame; else let it hang to rest first",
     )
     bodies: bpy.props.PointerProperty(
         name="Bodies", type=bpy.types.Collection, description="Meshes that push the cloth; they may move and bend"
     )
     model: bpy.props.StringProperty(
-        name="Model", description="A learned model in the place of the solver: paper, or a .safetensors; empty for the solver"
+        name="Model", description="A learned model instead of the solver: paper, or a .safetensors; empty for the solver"
     )
     program: bpy.props.StringProperty(name="Program", subtype="FILE_PATH", description="The program selvedge, if it is not found")
     folder: bpy.props.StringProperty(name="Folder", subtype="DIR_PATH", description="The folder of the run; a new one if none is given")

@@ -24,6 +24,12 @@ async function load(wasm: Options["wasm"]): Promise<InitOutput> {
   return init(wasm === undefined ? undefined : { module_or_path: wasm });
 }
 
+/** Refuses options that are misspelt. */
+function onlyOptions(given: object, known: readonly string[]): void {
+  const other = Object.keys(given).find((name) => !known.includes(name));
+  if (other !== undefined) throw new TypeError(`${other}: there is no such option; there are ${known.join(", ")}`);
+}
+
 /** The number of a body as the module takes it, which makes 0 of what is no number. */
 function bodyNumber(body: number): number {
   if (Number.isInteger(body) && body >= 0 && body < 2 ** 32) return body;
@@ -57,7 +63,9 @@ export class Cloth {
    * The cloth of a shipped scene, or of the text of a scene's file, where the scene starts. Its rest
    * pose is sought first, which may take a second.
    */
-  static async load(scene = "default", { model, wasm }: Options = {}): Promise<Cloth> {
+  static async load(scene = "default", options: Options = {}): Promise<Cloth> {
+    onlyOptions(options, ["model", "wasm"]);
+    const { model, wasm } = options;
     // The module would read its memory at any other value.
     for (const [name, value] of Object.entries({ scene, model: model ?? "" })) {
       if (typeof value !== "string") throw new TypeError(`${name}: expected a text, found ${String(value)}`);
@@ -245,6 +253,7 @@ export class Worn {
     private readonly bodies: readonly Placed[],
     private readonly following: Following = {},
   ) {
+    onlyOptions(following, ["mostFrames", "fastest"]);
     const { mostFrames = 4, fastest = 10 } = following;
     if (!(Number.isInteger(mostFrames) && mostFrames > 0)) throw new RangeError(`mostFrames: expected 1 or more, found ${mostFrames}`);
     if (!(fastest > 0)) throw new RangeError(`fastest: expected a speed above 0 in m/s, found ${fastest}`);

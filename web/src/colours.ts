@@ -32,7 +32,7 @@ export const SCALES: Record<Exclude<Colouring, "plain">, Scale> = {
   strain: { title: "Strain of the edges", unit: "%", most: 30, factor: 0.01 },
   speed: { title: "Speed", unit: "m/s", most: 2.5, factor: 1 },
   bending: { title: "Bending", unit: "°", most: 45, factor: Math.PI / 180 },
-  gap: { title: "Gap to what it may touch", unit: "mm", most: 5, factor: 0.001 },
+  gap: { title: "Gap to other surfaces", unit: "mm", most: 5, factor: 0.001 },
   difference: { title: "Distance between the two", unit: "mm", most: 100, factor: 0.001 },
 };
 

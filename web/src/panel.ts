@@ -52,9 +52,9 @@ export class Panel {
       select(id).replaceChildren(...options);
     };
     fill("scene", catalogue.scenes);
-    fill("mesh", catalogue.meshes, "as the scene has it");
+    fill("mesh", catalogue.meshes, "the scene's own");
     fill("vertices", catalogue.vertices);
-    fill("material", catalogue.materials, "as the scene has it");
+    fill("material", catalogue.materials, "the scene's own");
     fill("model", catalogue.models);
     fill("motion", ["scene", ...catalogue.motions]);
     select("motion").options[0]!.text = "the scene's own";

@@ -131,6 +131,8 @@ test("what cannot be loaded is said", async () => {
   await assert.rejects(Cloth.load('name = "x"\nmesh = 3\n'), /mesh/);
   await assert.rejects(Cloth.load(42), /scene: expected a text, found 42/);
   await assert.rejects(Cloth.load("default", { model: {} }), /model: expected a text/);
+  await assert.rejects(Cloth.load("default", { modle: "paper" }), /modle: there is no such option; there are model, wasm/);
+  await assert.rejects(Cloth.load(""), /"": is neither/);
 });
 
 test("numbers of no body and what was freed are said", async () => {

@@ -156,4 +156,5 @@ test("times, settings and places that cannot be are said, and the next frame goe
   assert.equal(one.worn.update(1 / 60), 1);
   for (const mostFrames of [0, 0.5, NaN]) assert.throws(() => worn({ mostFrames }), /mostFrames: expected 1 or more/);
   for (const fastest of [0, -1, NaN]) assert.throws(() => worn({ fastest }), /fastest: expected a speed above 0/);
+  assert.throws(() => worn({ mostframes: 4 }), /mostframes: there is no such option; there are mostFrames, fastest/);
 });

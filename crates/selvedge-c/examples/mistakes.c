@@ -30,6 +30,9 @@ static void wrong_names(void) {
     expect(SELVEDGE_STATUS_OPEN, selvedge_model_open("nowhere/at-all.safetensors", &model),
            "no model");
     expect(SELVEDGE_STATUS_ARGUMENT, selvedge_scene_open("\xff\xfe", &scene), "not UTF-8");
+    expect(SELVEDGE_STATUS_OPEN, selvedge_scene_open("", &scene), "an empty name");
+    expect(SELVEDGE_STATUS_ARGUMENT, selvedge_keep_rest_poses("/dev/null/poses"),
+           "a folder that cannot be written");
     expect(SELVEDGE_STATUS_ARGUMENT, selvedge_scene_open(NULL, &scene), "a null path");
     expect(SELVEDGE_STATUS_ARGUMENT, selvedge_scene_open("default", NULL), "nowhere to write");
     expect(SELVEDGE_STATUS_ARGUMENT, selvedge_set_threads(SIZE_MAX), "threads without end");

@@ -246,7 +246,8 @@ const char *selvedge_status_text(int32_t status);
 SelvedgeStatus selvedge_set_threads(size_t threads);
 
 // Keeps rest poses that took a while in a folder, from now on: the same cloth then starts at once
-// another time, with the same bytes. Without it, nothing is kept. Only the first call counts.
+// another time, with the same bytes. Without it, nothing is kept. Only the first call counts. The
+// folder is created if it is not there; one that cannot be written is an argument error.
 //
 // # Safety
 // `folder` is a text that ends with a zero byte.

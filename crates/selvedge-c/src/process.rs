@@ -65,7 +65,8 @@ pub extern "C" fn selvedge_set_threads(threads: usize) -> SelvedgeStatus {
 }
 
 /// Keeps rest poses that took a while in a folder, from now on: the same cloth then starts at once
-/// another time, with the same bytes. Without it, nothing is kept. Only the first call counts.
+/// another time, with the same bytes. Without it, nothing is kept. Only the first call counts. The
+/// folder is created if it is not there; one that cannot be written is an argument error.
 ///
 /// # Safety
 /// `folder` is a text that ends with a zero byte.
@@ -74,7 +75,10 @@ pub unsafe extern "C" fn selvedge_keep_rest_poses(folder: *const c_char) -> Selv
     call(|| {
         // SAFETY: as for this function.
         let folder = PathBuf::from(unsafe { text(folder, "folder") }?);
-        rest_pose::keep_in(RestPoseFolder::new(folder));
+        let folder = RestPoseFolder::new(folder);
+        let checked = folder.check();
+        checked.map_err(|error| Fault::of(SelvedgeStatus::Argument, error))?;
+        rest_pose::keep_in(folder);
         Ok(())
     })
 }

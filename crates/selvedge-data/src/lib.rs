@@ -77,7 +77,7 @@ pub use formats::arrays::{Array, ArrayFile};
 pub use formats::atomic::{
     WriteError, is_writing, remove_parts, write_atomically, write_beside, write_folder_atomically,
 };
-pub use formats::file_error::{FileError, Problem};
+pub use formats::file_error::{FileError, Problem, readable_path};
 pub use formats::input::{ending_of, read_file, read_text};
 pub use formats::mesh_file::read_mesh;
 pub use formats::obj::{parse_obj_with, write_obj};

@@ -54,6 +54,18 @@ impl RestPoseFolder {
         }
     }
 
+    /// Creates the folder if it is not there, and tries to write a file in it.
+    ///
+    /// # Errors
+    /// A folder that cannot be written.
+    pub fn check(&self) -> Result<(), WriteError> {
+        let created = fs::create_dir_all(&self.folder);
+        let tried = created.and_then(|()| tempfile::tempfile_in(&self.folder));
+        tried
+            .map(drop)
+            .map_err(WriteError::when(&self.folder, "write in the folder"))
+    }
+
     /// The pose of `vertices` vertices that was kept as `content`, any text that tells what decides
     /// it; none if there is none.
     ///
@@ -243,6 +255,18 @@ mod tests {
             fs::write(path, &whole[..end]).unwrap();
             says(folder.find("a", 5).unwrap_err(), &[path.to_str().unwrap()]);
         }
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_written_is_said() {
+        let (place, folder) = folder();
+        folder.check().unwrap();
+        assert!(files(&folder).is_empty());
+        // A file is where the folder would be.
+        let path = place.path().join("file");
+        fs::write(&path, "").unwrap();
+        let error = RestPoseFolder::new(path.join("rest-poses")).check();
+        says(error.unwrap_err(), &["rest-poses", "write in the folder"]);
     }
 
     #[test]

@@ -131,7 +131,7 @@ impl Rollout {
         for (number, cloth) in self.cloths.iter_mut().enumerate() {
             let own;
             (own, rest) = rest.split_at(OUTPUTS * cloth.graph().vertex_count());
-            let predicted = cloth.predict(model, targets[number], own);
+            let predicted = cloth.predict(model, own);
             predicted.map_err(of_cloth(number))?;
         }
         self.cloths.iter_mut().for_each(RolloutState::accept);

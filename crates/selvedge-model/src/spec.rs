@@ -45,6 +45,9 @@ pub enum NodeFeature {
     NodeType,
     /// Gravity and air over mass `[m/frame²]`, 3 columns.
     ExternalAcceleration,
+    /// What a handle is about to be accelerated by, p^{t+1} - 2 p^t + p^{t-1} `[m/frame²]`, 3 columns: its
+    /// target is known. 0 of free vertices.
+    HandleAcceleration,
 }
 
 /// A group of columns of an arc, in the order in which they stand in the input.
@@ -229,6 +232,11 @@ impl ModelSpec {
                 let problem = format!("model.{field} must contain \"{needed}\"");
                 return Err(SpecError(problem));
             }
+        }
+        if nodes.contains(&NodeFeature::HandleAcceleration) && self.window() > 1 {
+            return Err(SpecError(
+                "model.node_features contains \"handle-acceleration\", which is known of the newest frame alone: choose an encoder of the kind \"mlp\"".to_owned(),
+            ));
         }
         Ok(())
     }

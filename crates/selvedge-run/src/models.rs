@@ -44,7 +44,7 @@ impl Model {
             let (name, bytes) = MODELS[0];
             return Self::from_bytes(name.to_owned(), bytes);
         };
-        let name = path.display().to_string();
+        let name = selvedge_data::readable_path(path);
         let error = match selvedge_data::read_file(path) {
             Ok(bytes) => return Self::from_bytes(name, &bytes),
             Err(error) => error,

@@ -373,6 +373,7 @@ impl ShownSample {
     pub fn window(&self) -> Frames<'_, Vec<Vec3>> {
         Frames {
             positions: &self.frames,
+            next_handles: &self.next_handles,
             yaw: self.yaw,
         }
     }

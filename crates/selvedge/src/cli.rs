@@ -28,10 +28,10 @@ pub(crate) use self::run::{RunArgs, StartChoice};
 pub(crate) use self::view::{Shown, ViewArgs};
 use crate::output::Reader;
 
-/// Cloth: an implicit solver with contact, and learned simulators beside it.
+/// Cloth simulation: an implicit solver with contact, and graph networks trained on it.
 ///
-/// Give it a cloth and the motion of a few handles; it answers with the motion of the whole cloth, by
-/// the solver or by a graph network (MeshGraphNetRP).
+/// From a cloth and the motion of a few of its vertices, the handles, it computes the motion of the whole
+/// cloth, by the solver or by a graph network (MeshGraphNetRP).
 #[derive(Debug, Parser)]
 #[command(name = "selvedge", version = env!("SELVEDGE_VERSION"))]
 #[command(propagate_version = true, after_help = OVERVIEW)]
@@ -39,22 +39,22 @@ pub(crate) struct Cli {
     /// The command.
     #[command(subcommand)]
     pub(crate) command: Command,
-    /// Print the answer as one JSON object on standard output.
+    /// Print the result as one JSON object on standard output.
     #[arg(long, global = true)]
     json: bool,
-    /// Find rest poses anew, and keep none for another time.
+    /// Neither read nor write the cache of rest poses.
     #[arg(long, global = true)]
     pub(crate) no_cache: bool,
-    /// Show no progress: standard error has warnings and errors alone.
+    /// Show no progress: print only warnings and errors to standard error.
     #[arg(short, long, global = true, conflicts_with = "verbose")]
     pub(crate) quiet: bool,
-    /// Say more about what is being done; twice for still more.
+    /// Log more; twice for still more.
     #[arg(short, long, global = true, action = ArgAction::Count)]
     pub(crate) verbose: u8,
 }
 
 impl Cli {
-    /// The reader of the answer.
+    /// The reader of the result.
     pub(crate) fn reader(&self) -> Reader {
         if self.json { Reader::Program } else { Reader::Person }
     }
@@ -71,8 +71,6 @@ Start here:
       drag the cloth in the browser
   selvedge run default -o truth.safetensors
       the same scene by the solver alone
-  selvedge info truth.safetensors
-      what is in a file
 
 Exit codes: 0 done, 1 failed, 2 wrong usage, 130 interrupted.
 Ctrl-C finishes the files that can be finished; a second one stops at once.";
@@ -111,7 +109,7 @@ pub(crate) struct CompletionsArgs {
     pub(crate) shell: clap_complete::Shell,
 }
 
-/// Make data sets to learn from (`selvedge info` looks at them).
+/// Make training data (`selvedge info` describes it).
 #[derive(Debug, Subcommand)]
 pub(crate) enum DataCommand {
     Generate(GenerateArgs),
@@ -120,7 +118,7 @@ pub(crate) enum DataCommand {
 
 /// Simulate all motions of a preset.
 ///
-/// A run that was interrupted goes on where it stopped when it is started again. The files are the
+/// Start an interrupted run again and it continues where it stopped. The files are the
 /// same for any number of threads.
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -135,7 +133,7 @@ array jobs of a cluster. `selvedge data merge` makes the parts one.
 pub(crate) struct GenerateArgs {
     /// A preset: a TOML file, or the name of a shipped one (`selvedge list presets`).
     pub(crate) preset: String,
-    /// The folder of the data set; it is made.
+    /// The folder of the data set; it is created.
     #[arg(short, long, value_name = "FOLDER")]
     pub(crate) output: PathBuf,
     /// Scenes that are simulated at once [default: as many as there are processors].
@@ -146,10 +144,10 @@ pub(crate) struct GenerateArgs {
     pub(crate) shard: Option<Shard>,
 }
 
-/// Make the parts of a data set one.
+/// Merge the parts of a data set.
 ///
 /// Every part must be there and whole, and be made from the same preset; the data set then has the
-/// same bytes as one that was made by one run. The parts stay as they are.
+/// same bytes as one that was made by one run. The parts are not changed.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Example:
@@ -158,22 +156,21 @@ pub(crate) struct MergeArgs {
     /// The folders of the parts, in any order.
     #[arg(required = true, value_name = "FOLDER")]
     pub(crate) parts: Vec<PathBuf>,
-    /// The folder of the data set; it is made.
+    /// The folder of the data set; it is created.
     #[arg(short, long, value_name = "FOLDER")]
     pub(crate) output: PathBuf,
 }
 
 /// Train a model on a data set.
 ///
-/// Checkpoints go to the folder as training goes on; Ctrl-C writes one more, and --resume goes on
-/// from the last as if nothing had happened.
+/// Checkpoints go to the folder at intervals; Ctrl-C writes one more, and --resume continues from the
+/// last, with the same result as without the interruption.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
   selvedge train first --data data/first -o runs/first --for 30m
   selvedge train first --data data/first -o runs/first --resume
-  selvedge train rp-gru10 --data data/first -o runs/gpu --device gpu --for 8m
-  selvedge train rp-gru10 --data data/first -o runs/small --set model.latent=32 --set model.blocks=4")]
+  selvedge train rp-gru10 --data data/first -o runs/gpu --device gpu --for 8m")]
 pub(crate) struct TrainArgs {
     /// A configuration: a TOML file, or the name of a shipped one (`selvedge list configs`).
     pub(crate) config: String,
@@ -183,7 +180,7 @@ pub(crate) struct TrainArgs {
     /// The folder of the data set, as `selvedge data generate` makes it.
     #[arg(long, value_name = "FOLDER")]
     pub(crate) data: PathBuf,
-    /// Go on from the last checkpoint in the folder.
+    /// Continue from the last checkpoint in the folder.
     #[arg(long)]
     pub(crate) resume: bool,
     /// Start with the weights and the statistics of a run, by its folder, or of a model, by its
@@ -226,9 +223,9 @@ pub(crate) struct CompareArgs {
     pub(crate) b: PathBuf,
 }
 
-/// Say what a file or folder is and what is in it.
+/// Describe a file or folder.
 ///
-/// Knows trajectories, states, models, checkpoints, scenes, presets (what they will make, without
+/// Reads trajectories, states, models, checkpoints, scenes, presets (what they will make, without
 /// making it), training configurations, meshes, exported arrays (.npz), nodes of other programs
 /// (.glb, USD), and the folders of data sets (of which every file is checked against its hash) and
 /// trainings.
@@ -236,15 +233,13 @@ pub(crate) struct CompareArgs {
 #[command(after_help = "\
 Examples:
   selvedge info out/rollout.safetensors
-  selvedge info data/first
-  selvedge info my-scene.toml
   selvedge info out/rollout.safetensors --picture strain.png
 
 Lengths are in metres, all numbers in SI units; --json has the configurations too.")]
 pub(crate) struct InfoArgs {
     /// A file, a folder, or the name of a shipped scene or preset.
     pub(crate) path: PathBuf,
-    /// Also draw a run with its strain, or a mesh or a scene as it stands (.png).
+    /// Also draw a run with its strain, or a mesh or a scene in its start pose (.png).
     #[arg(long, value_name = "FILE")]
     pub(crate) picture: Option<PathBuf>,
 }
@@ -277,7 +272,7 @@ pub(crate) enum Shipped {
     Presets,
 }
 
-/// Work on the files of models.
+/// Convert model files.
 #[derive(Debug, Subcommand)]
 pub(crate) enum ModelCommand {
     Convert(ConvertArgs),

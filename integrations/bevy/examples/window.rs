@@ -1,8 +1,15 @@
 //! The cape of `cape.rs` in a window, on a character of capsules: `cargo run --release --features window --example window`.
+//!
+//! With `-- FILE.png` it steps by 1/60 s a frame however long drawing takes, writes the 190th frame there and ends.
+
+use std::time::Duration;
 
 use bevy::camera::visibility::NoFrustumCulling;
 use bevy::core_pipeline::tonemapping::Tonemapping;
 use bevy::prelude::*;
+use bevy::render::RenderPlugin;
+use bevy::render::view::screenshot::{Screenshot, ScreenshotCaptured, save_to_disk};
+use bevy::time::TimeUpdateStrategy;
 use selvedge_bevy::ClothPlugin;
 
 #[allow(dead_code, reason = "its main and its plugins are without a window")]
@@ -17,13 +24,50 @@ const CAPSULES: [[f32; 3]; 5] = [
     [-0.21, 0.06, 0.38],
 ];
 
+/// The file of the picture, and the frame that is drawn.
+#[derive(Resource)]
+struct Picture(String, u32);
+
 fn main() {
-    App::new()
-        .add_plugins((DefaultPlugins, ClothPlugin))
+    let picture = std::env::args().nth(1);
+    let render = RenderPlugin {
+        // A picture is of all that is there.
+        synchronous_pipeline_compilation: picture.is_some(),
+        ..default()
+    };
+    let mut app = App::new();
+    app.add_plugins((DefaultPlugins.set(render), ClothPlugin))
         .insert_resource(ClearColor(Color::srgb(0.92, 0.9, 0.87)))
         .add_systems(Startup, (dress, light))
-        .add_systems(Update, (cape::walk, accompany).chain())
-        .run();
+        .add_systems(Update, (cape::walk, accompany).chain());
+    if let Some(file) = picture {
+        let step = TimeUpdateStrategy::ManualDuration(Duration::from_secs_f64(1.0 / 60.0));
+        app.insert_resource(step)
+            .insert_resource(Picture(file, 190))
+            .add_systems(Update, take);
+    }
+    app.run();
+}
+
+/// Draws nothing but the frames around that of the picture, which a driver without a graphics card takes seconds for.
+fn take(
+    mut frame: Local<u32>,
+    picture: Res<Picture>,
+    mut commands: Commands,
+    mut camera: Single<&mut Camera>,
+) {
+    *frame += 1;
+    camera.is_active = *frame + 5 > picture.1;
+    if *frame == picture.1 {
+        commands
+            .spawn(Screenshot::primary_window())
+            .observe(save_to_disk(picture.0.clone()))
+            .observe(
+                |_: On<ScreenshotCaptured>, mut exit: MessageWriter<AppExit>| {
+                    exit.write(AppExit::Success);
+                },
+            );
+    }
 }
 
 fn dress(world: &mut World) -> Result {
@@ -91,7 +135,7 @@ fn light(
         Camera3d::default(),
         Tonemapping::AcesFitted,
         AmbientLight {
-            brightness: 400.0,
+            brightness: 1500.0,
             ..default()
         },
     ));

@@ -60,6 +60,9 @@ namespace Selvedge
             opening = null;
             if (stepper != null) stepper.Dispose();
             stepper = null;
+            // Unity keeps a mesh until it is destroyed.
+            if (mesh != null) Destroy(mesh);
+            mesh = null;
         }
 
         private void Update()

@@ -189,7 +189,9 @@ namespace Selvedge.Tests
             Console.WriteLine(string.Format(
                 CultureInfo.InvariantCulture, "{0} frames, handles within {1:e1} m, {2} shown",
                 stepper.Frame, farthest, cloth.GetComponent<MeshFilter>().sharedMesh.shown));
+            int alive = Mesh.Alive.Count;
             Game.Send(cloth, "OnDisable");
+            if (alive != 1 || Mesh.Alive.Count != 0) failures++;
             WrongHandles(sceneName);
         }
 

@@ -41,6 +41,11 @@ namespace UnityEngine
     public class Object
     {
         public string name;
+
+        public static void Destroy(Object thing)
+        {
+            Mesh.Alive.Remove((Mesh)thing);
+        }
     }
 
     public class Component : Object
@@ -87,10 +92,17 @@ namespace UnityEngine
 
     public class Mesh : Object
     {
+        public static readonly List<Mesh> Alive = new List<Mesh>();
+
         public Vector3[] vertices;
         public int[] triangles;
         public Rendering.IndexFormat indexFormat;
         public int shown;
+
+        public Mesh()
+        {
+            Alive.Add(this);
+        }
 
         public void MarkDynamic() { }
 

@@ -10,9 +10,15 @@ use thiserror::Error;
 #[error("{0}")]
 pub struct Problem(pub(crate) String);
 
+/// A path or a name as errors begin with it: in quotation marks where nothing of it would be seen.
+pub fn readable_path(path: &Path) -> String {
+    let text = path.display().to_string();
+    if text.trim().is_empty() { format!("{text:?}") } else { text }
+}
+
 /// A file that could not be read, and why.
 #[derive(Debug, Error)]
-#[error("{}: {source}", path.display())]
+#[error("{}: {source}", readable_path(path))]
 pub struct FileError<E: std::error::Error + 'static> {
     /// The file.
     pub path: PathBuf,

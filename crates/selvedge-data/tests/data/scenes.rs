@@ -145,6 +145,7 @@ fn mistakes_are_errors_that_name_file_and_field() {
     refuses(cases, edited);
     let words = ["shipped are default, drape, poncho, square-1024, tablecloth"];
     says(open_scene("no-such-scene").unwrap_err(), &words);
+    says(open_scene("").unwrap_err(), &["\"\": is neither"]);
 }
 
 /// A 2 m by 1 m rectangle in centimetres, texture coordinates from 0 to 1, in two groups.

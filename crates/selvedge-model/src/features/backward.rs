@@ -60,7 +60,8 @@ pub(crate) fn features_backward(
                 external_force(graph, pose, |v| per_force(graph, v), rows, to);
             }
             NodeFeature::KineticEnergy => kinetic_energy(graph, pose, rows, to),
-            NodeFeature::NodeType => {}
+            // Of handles alone.
+            NodeFeature::NodeType | NodeFeature::HandleAcceleration => {}
         }
         first += feature.width();
     }

@@ -44,6 +44,8 @@ impl NodeFeature {
                 "type 7 (unused)", "type 8 (unused)"],
             Self::ExternalAcceleration => columns!["m/frame²": "external acceleration x",
                 "external acceleration y", "external acceleration z"],
+            Self::HandleAcceleration => columns!["m/frame²": "handle acceleration x",
+                "handle acceleration y", "handle acceleration z"],
         }
     }
 
@@ -110,6 +112,8 @@ pub(crate) struct Pose<'a> {
     pub(crate) previous: &'a [Vec3],
     /// World positions in this frame `[m]`, `[vertices]`.
     pub(crate) current: &'a [Vec3],
+    /// World positions of the handles one frame later `[m]`, `[handles]`.
+    pub(crate) next_handles: &'a [Vec3],
     /// The local frame that features are expressed in: that of the *newest* frame of the window.
     pub(crate) yaw: Yaw,
 }
@@ -166,6 +170,7 @@ pub(crate) fn features(
             }
             NodeFeature::KineticEnergy => kinetic_energy(graph, pose, columns),
             NodeFeature::NodeType => node_type(graph, columns),
+            NodeFeature::HandleAcceleration => handle_acceleration(graph, pose, columns),
         }
         first += feature.width();
     }
@@ -292,6 +297,19 @@ fn node_type(graph: &ClothGraph, mut out: FeatureColumns<&mut [f32]>) {
     const HANDLE: [f32; 9] = [0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
     for (v, &handle) in graph.handle_mask().iter().enumerate() {
         out.put(v, if handle { HANDLE } else { FREE });
+    }
+}
+
+fn handle_acceleration(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<&mut [f32]>) {
+    for v in 0..graph.vertex_count() {
+        out.put(v, [0.0; 3]);
+    }
+    let handles = graph.handles().vertices().iter().map(|v| v.index());
+    for (v, &next) in handles.zip(pose.next_handles) {
+        if graph.handle_mask()[v] {
+            let change = (next - pose.current[v]) - (pose.current[v] - pose.previous[v]);
+            out.put(v, pose.yaw.to_local(change).to_array());
+        }
     }
 }
 

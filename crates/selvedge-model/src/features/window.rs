@@ -19,6 +19,8 @@ pub struct Frames<'a, F> {
     /// Positions `[m]` in the frames before the window and in each frame of it, oldest first,
     /// `[history][vertices]` with [`ModelSpec::history`] frames.
     pub positions: &'a [F],
+    /// Positions of the handles in the frame after the newest `[m]`, `[handles]`.
+    pub next_handles: &'a [Vec3],
     /// The local frame of the newest frame.
     pub yaw: Yaw,
 }
@@ -30,6 +32,7 @@ impl<F: AsRef<[Vec3]>> Frames<'_, F> {
         Pose {
             previous: at(current - 1),
             current: at(current),
+            next_handles: self.next_handles,
             yaw: self.yaw,
         }
     }

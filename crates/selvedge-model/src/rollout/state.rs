@@ -144,9 +144,13 @@ impl RolloutState {
         self.graph.hold(|handle| targets.holds(handle));
         self.graph.set_step(self.frame);
         self.yaw_of_step = self.yaw_now();
+        self.next_handles.clear();
+        let places = targets.end().iter().map(|p| p.as_vec3());
+        self.next_handles.extend(places);
         let (spec, place) = (model.spec(), Place::alone(&self.graph));
         let frames = Frames {
             positions: &self.history,
+            next_handles: &self.next_handles,
             yaw: self.yaw_of_step,
         };
         self.features.write(spec, &self.graph, frames, &place);
@@ -160,23 +164,15 @@ impl RolloutState {
         }
     }
 
-    /// The next frame, from the network's output for [`Self::features`].
+    /// The next frame of the step that has begun, from the network's output for [`Self::features`].
     ///
     /// # Errors
     /// [`StepError::NonFinite`] for a position that is not finite.
-    pub fn predict(
-        &mut self,
-        model: &Model,
-        targets: &HandleTargets,
-        output: &[f32],
-    ) -> Result<(), StepError> {
+    pub fn predict(&mut self, model: &Model, output: &[f32]) -> Result<(), StepError> {
         self.acceleration.clear();
         self.acceleration.extend_from_slice(output);
         let normalizer = &model.normalizers().acceleration;
         normalizer.denormalize(&mut self.acceleration);
-        self.next_handles.clear();
-        let places = targets.end().iter().map(|p| p.as_vec3());
-        self.next_handles.extend(places);
         let newest = self.history.len() - 1;
         let frames = TwoFrames {
             graph: &self.graph,

@@ -80,7 +80,7 @@ impl Stepper for LearnedStepper {
         );
         let frame = self.state.frame() + 1;
         let output = output.map_err(|Stopped| StepError::Stopped { frame })?;
-        self.state.predict(&self.model, targets, output)?;
+        self.state.predict(&self.model, output)?;
         self.state.accept();
         Ok(())
     }

@@ -97,6 +97,7 @@ fn seen(case: &Case) -> Seen {
     let handles = graph.handles().select(&case.frames[case.frames.len() - 1]);
     let frames = Frames {
         positions: &case.frames,
+        next_handles: &[],
         yaw: graph.frame().yaw(&handles, Yaw::WORLD),
     };
     let mut window = Window::default();

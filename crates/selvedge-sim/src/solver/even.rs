@@ -19,7 +19,8 @@ const BOUNDS: [f64; 2] = [0.5, 1.6];
 const MOST_SHIFT: f64 = 0.3;
 
 /// The factor of each edge of a scene's mesh, `[edges]`: that of its seams, times what makes bending
-/// even. Each hinge answers for an equal part of its two faces. Around every vertex the factors
+/// even. Each hinge answers for an equal part of its two faces; of a face that is held at the start
+/// for nothing, so that a clamp bends on its free side alone. Around every vertex the factors
 /// nearest to 1 are taken with which the hinges of its faces have the energy of a plate for any
 /// curvature (Kaczmarz's sweeps); a hinge has the mean of those of its vertices. `[eq:even-bending]`
 pub(crate) fn factors(scene: &Scene) -> Vec<f64> {
@@ -36,31 +37,57 @@ pub(crate) fn factors(scene: &Scene) -> Vec<f64> {
     if !scene.physics.even_bending {
         return factors;
     }
+    let faces = topology.face_indices();
+    let held = scene.handles.mask(topology.vertex_count());
+    let bends: Vec<bool> = faces
+        .iter()
+        .map(|corners| !corners.iter().all(|v| held[*v as usize]))
+        .collect();
     let edges = topology.edges().iter();
+    // Energy of each hinge, for an area of one, and its factor per area that it answers for.
     let hinges: Vec<Option<([f64; 6], f64)>> = edges
         .map(|edge| {
             let (left, right) = pattern.sides(edge);
             let right = right.filter(|_| !pattern.is_seam(edge))?;
-            let (one, other, area) = (turn(left), turn(right), left.area() + right.area());
+            let (first, second) = edge.faces;
+            let sides = [(left, Some(first)), (right, second)];
+            let sides = sides.map(|(side, face)| {
+                let share = f64::from(face.is_some_and(|face| bends[face.index()]));
+                (
+                    turn(side).map(|t| share * t),
+                    share * side.area(),
+                    side.area(),
+                )
+            });
+            let [(one, one_area, left_area), (other, other_area, right_area)] = sides;
+            let free = one_area + other_area;
+            if free == 0.0 {
+                return None;
+            }
             let [u, v, w] = std::array::from_fn(|k| one[k] + other[k]);
-            // As soft as ke = 4 D makes it, for an area of one.
-            let scale = left.length().powi(2) / area * (3.0 / area);
+            // As soft as ke = 4 D makes it.
+            let scale = 3.0 * (left.length() / free).powi(2);
             let energy = [u * u, v * v, u * v, w * w, u * w, v * w];
-            Some((energy.map(|e| e * scale), area))
+            Some((
+                energy.map(|e| e * scale),
+                3.0 * (left_area + right_area) / free.powi(2),
+            ))
         })
         .collect();
     let areas = scene.rest_shape().face_area;
-    let within = topology
-        .face_edges()
-        .iter()
-        .zip(areas)
-        .map(|(edges, area)| {
-            let is_inner =
-                |e: &&selvedge_cloth::EdgeId| topology.edges()[e.index()].faces.1.is_some();
-            area / edges.iter().filter(is_inner).count().max(1) as f64
-        });
+    let within =
+        topology
+            .face_edges()
+            .iter()
+            .zip(areas)
+            .zip(&bends)
+            .map(|((edges, area), bends)| {
+                let area = if *bends { area } else { 0.0 };
+                let is_inner =
+                    |e: &&selvedge_cloth::EdgeId| topology.edges()[e.index()].faces.1.is_some();
+                area / edges.iter().filter(is_inner).count().max(1) as f64
+            });
     let part: Vec<f64> = within.collect();
-    let faces = topology.face_indices();
     let corners: Vec<(u32, u32)> = (0_u32..)
         .zip(&faces)
         .flat_map(|(face, corners)| corners.map(|v| (v, face)))
@@ -69,7 +96,7 @@ pub(crate) fn factors(scene: &Scene) -> Vec<f64> {
     let mut sums = vec![[0.0; 2]; hinges.len()];
     for vertex in 0..topology.vertex_count() {
         let mut patch: Vec<(usize, f64)> = Vec::new();
-        for &face in around.of(vertex) {
+        for &face in around.of(vertex).iter().filter(|f| bends[**f as usize]) {
             for edge in topology.face_edges()[face as usize].map(|edge| edge.index()) {
                 match patch.iter_mut().find(|(known, _)| *known == edge) {
                     Some((_, area)) => *area += part[face as usize],
@@ -85,11 +112,11 @@ pub(crate) fn factors(scene: &Scene) -> Vec<f64> {
         }
     }
     for (edge, hinge) in hinges.iter().enumerate() {
-        if let Some((_, area)) = hinge {
+        if let Some((_, per_area)) = hinge {
             let (left, right) = topology.edges()[edge].faces;
             let own = part[left.index()] + right.map_or(0.0, |face: FaceId| part[face.index()]);
             let even = (sums[edge][0] / sums[edge][1]).clamp(BOUNDS[0], BOUNDS[1]);
-            factors[edge] = own * 3.0 / area * even;
+            factors[edge] = own * per_area * even;
         }
     }
     factors

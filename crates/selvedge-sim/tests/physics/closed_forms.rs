@@ -200,10 +200,18 @@ fn the_elastica_has_the_bending_length_of_the_standard() {
 }
 
 /// Error of the bending length that an overhang of 100 mm, 200 mm wide, shows at about 41.5°, in
-/// parts of it. So wide, it bends as a plate, whatever its Poisson's ratio.
-fn cantilever(half: (Vec<DVec2>, Vec<[u32; 3]>)) -> f64 {
+/// parts of it. So wide, it bends as a plate, whatever its Poisson's ratio. It is held along a line, from
+/// which its mirror image hangs on the other side, or all of that side is `clamped`.
+fn cantilever(half: (Vec<DVec2>, Vec<[u32; 3]>), is_clamped: bool) -> f64 {
     let overhang = 0.1;
-    let (mesh, edge) = doubled(half, |p| DVec3::new(p.y, -0.3 * p.y.abs(), p.x));
+    let (mesh, mut edge) = doubled(half, |p| {
+        let fall = if is_clamped { (-p.y).max(0.0) } else { p.y.abs() };
+        DVec3::new(p.y, -0.3 * fall, p.x)
+    });
+    if is_clamped {
+        let beyond = (0_u32..).zip(mesh.material_coordinates());
+        edge.extend(beyond.filter(|(_, p)| p.y > 1e-9).map(|(v, _)| v));
+    }
     let tips: Vec<usize> = (0..mesh.positions().len())
         .filter(|v| mesh.material_coordinates()[*v].y < -overhang + 1e-9)
         .collect();
@@ -222,21 +230,36 @@ fn hanging(mesh: Mesh, held: &[u32], bending_length: f64) -> Vec<DVec3> {
     sag(&scene).unwrap().positions
 }
 
+/// Errors of [`SPACINGS`] on squares, and their means and largest over irregular meshes of six seeds.
+fn errors(
+    width: f64,
+    height: f64,
+    error: impl Fn((Vec<DVec2>, Vec<[u32; 3]>)) -> f64,
+) -> [[f64; 3]; 3] {
+    let irregular = SPACINGS.map(|h| {
+        let each: [f64; 6] =
+            std::array::from_fn(|k| error(irregular(width, height, h, k as u64 + 1)));
+        let largest = each.iter().fold(0.0_f64, |most, e| most.max(e.abs()));
+        (each.iter().sum::<f64>() / 6.0, largest)
+    });
+    let squares = SPACINGS.map(|h| error(regular(width, height, h)));
+    [squares, irregular.map(|e| e.0), irregular.map(|e| e.1)]
+}
+
 #[test]
 fn a_cantilever_has_its_bending_length() {
-    for (name, errors) in [
-        (
-            "regular",
-            SPACINGS.map(|h| cantilever(regular(0.2, 0.1, h))),
-        ),
-        (
-            "irregular",
-            SPACINGS.map(|h| cantilever(irregular(0.2, 0.1, h, 1))),
-        ),
-    ] {
-        println!("cantilever {name} {errors:.4?}");
-        let is_near = errors[0].abs() < 0.06 && errors[1].abs() < 0.03;
-        assert!(is_near, "{name}: {errors:.4?}");
+    for is_clamped in [false, true] {
+        let found = errors(0.2, 0.1, |mesh| cantilever(mesh, is_clamped));
+        println!("cantilever, clamped {is_clamped}: {found:.4?}");
+        // A clamp's hinges bend on one side. As soft as others they are 3 to 7 % too limp, on all meshes.
+        let [squares, mean, largest] = found;
+        for (k, most) in [0.04, 0.02, 0.02].into_iter().enumerate() {
+            assert!(
+                squares[k].abs() < 0.025 && mean[k].abs() < most,
+                "{found:.4?}"
+            );
+            assert!(largest[k] < 0.06, "{found:.4?}");
+        }
     }
 }
 
@@ -322,19 +345,15 @@ fn a_heart_loop_hangs_as_deep_as_the_elastica() {
     // Peirce: without weight 0.1337 of its length.
     let depth = 0.5 * heart(1e3)[400].y;
     assert!((depth - 0.1337).abs() < 5e-4, "{depth}");
-    for (name, errors) in [
-        (
-            "regular",
-            SPACINGS.map(|h| heart_loop(regular(0.1, 0.2, h))),
-        ),
-        (
-            "irregular",
-            SPACINGS.map(|h| heart_loop(irregular(0.1, 0.2, h, 1))),
-        ),
-    ] {
-        println!("heart loop {name} {errors:.4?}");
-        let is_near = errors[0].abs() < 0.06 && errors[1].abs() < 0.03;
-        assert!(is_near, "{name}: {errors:.4?}");
+    let found = errors(0.1, 0.2, heart_loop);
+    println!("heart loop: {found:.4?}");
+    let [squares, mean, largest] = found;
+    for (k, most) in [0.03, 0.03, 0.02].into_iter().enumerate() {
+        assert!(
+            squares[k].abs() < 0.015 && mean[k].abs() < most,
+            "{found:.4?}"
+        );
+        assert!(largest[k] < 0.075, "{found:.4?}");
     }
 }
 

@@ -20,7 +20,7 @@ pub(crate) enum DrapeCommand {
 #[derive(Debug, Args)]
 pub(crate) struct DrapedArgs {
     /// Vertices of the disc: 15, 10, 7 and 5 mm apart are 410, 870, 1720 and 3300.
-    #[arg(long, value_name = "N", default_value = "840", value_parser = clap::value_parser!(u32).range(100..=100_000))]
+    #[arg(long, value_name = "N", default_value = "1720", value_parser = clap::value_parser!(u32).range(100..=100_000))]
     pub(crate) vertices: u32,
     /// Drapes that are made at once [default: as many as there are processors].
     #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
@@ -32,7 +32,7 @@ pub(crate) struct DrapedArgs {
 #[command(after_help = "\
 Examples:
   selvedge drape test
-  selvedge drape test gray-interlock my-fabric.toml --seeds 20 --vertices 1720")]
+  selvedge drape test gray-interlock my-fabric.toml --seeds 20 --vertices 3300")]
 pub(crate) struct DrapeTestArgs {
     /// Fabrics: names or TOML files [default: all that ship].
     #[arg(value_name = "MATERIAL")]
@@ -47,7 +47,7 @@ pub(crate) struct DrapeTestArgs {
 /// Fit a fabric to measured drapes.
 ///
 /// Bending stiffness along u, along v and along the bias and shear stiffness are searched for within
-/// bounds, without derivatives. Every try is a few drapes, a second each.
+/// bounds, without derivatives. Every evaluation simulates a few drapes, a second each.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Example:
@@ -62,7 +62,7 @@ pub(crate) struct DrapeFitArgs {
     #[arg(long, value_name = "NAME")]
     pub(crate) fabric: String,
     /// Mass per area [kg/m²]. A drape shows stiffness over mass alone: where it is not known, any
-    /// will do.
+    /// value serves.
     #[arg(long, value_name = "KG/M2")]
     pub(crate) density: f64,
     /// Specimens (column sample) that are fitted; the others are a check [default: all].
@@ -71,10 +71,10 @@ pub(crate) struct DrapeFitArgs {
     /// The fabric's file (.toml).
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: PathBuf,
-    /// Drapes of a try, on meshes of the seeds 1, 2 and so on.
+    /// Drapes per evaluation, on meshes of the seeds 1, 2 and so on.
     #[arg(long, value_name = "N", default_value = "4", value_parser = clap::value_parser!(u16).range(1..=1000))]
     pub(crate) seeds: u16,
-    /// Fabrics that are tried at most.
+    /// Evaluations at most.
     #[arg(long, value_name = "N", default_value = "60", value_parser = clap::value_parser!(u16).range(1..))]
     pub(crate) tries: u16,
     #[command(flatten)]

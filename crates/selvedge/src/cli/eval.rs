@@ -13,35 +13,33 @@ use super::DeviceArgs;
 /// Threads at most: more than any machine has, few enough to be started.
 pub(super) const MOST_THREADS: i64 = 1024;
 
-/// Measure models, physics and baselines.
+/// Measure the errors of models, of the solver and of baselines.
 ///
-/// Three kinds of test cases: recorded trajectories of data sets (--data), scenes whose physics with
-/// many substeps is the truth, and random motions without a truth (--random): how many runs diverge?
-/// Each method runs from true states spread over the motion, for the error after k frames, and from
-/// the first frame to the last. The numbers are the same for any number of threads, but
-/// for the time of a frame. Ctrl-C keeps what is done.
+/// Three kinds of test cases: recorded trajectories of data sets (--data), scenes for which the solver
+/// with many substeps is the ground truth, and random motions without one (--random), of which the runs
+/// that diverge are counted. Each method runs from true states spread over the motion, for the error
+/// after k frames, and from the first frame to the last. All results but the times are the same for any
+/// number of threads. Ctrl-C keeps what is finished.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
   selvedge eval --model runs/first/model.safetensors --data data/first
   selvedge eval --model ours=a.safetensors --model theirs=b.safetensors --data data/first -o report
-  selvedge eval --model a.safetensors --data data/first --guard none,limit --physics 1,2,8
   selvedge eval default -o out/convergence --physics linearised:1,linearised:4,generalised-alpha:4
   selvedge eval default -o out/models --motion unseen --model paper --physics 1,2
-  selvedge eval --random 100 --model paper
   selvedge eval --random 1000 --mesh all --guard none --physics 2 -o out/random
 
 The folder of -o gets report.md, errors.csv (a row for each run and frame), times.md
 and times.csv; for scenes also references/: true states, which a second evaluation takes again.")]
 pub(crate) struct EvalArgs {
-    /// Scenes whose converged physics is the truth: TOML files, JSON files of ARCSim, or names of
+    /// Scenes whose converged solution is the ground truth: TOML files, JSON files of ARCSim, or names of
     /// shipped ones. With --random the scene whose cloth moves [default: default].
     #[arg(value_name = "SCENE", conflicts_with = "data")]
     pub(crate) scenes: Vec<String>,
     /// The folder of a data set; repeat the option for several.
     #[arg(long, value_name = "FOLDER")]
     pub(crate) data: Vec<PathBuf>,
-    /// So many random motions, from the rest pose.
+    /// Number of random motions, from the rest pose.
     #[arg(long, value_name = "N", conflicts_with = "data", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub(crate) random: Option<u32>,
     /// A model: a file, or the name of a shipped one; the name before it is for tables. Repeat
@@ -58,12 +56,12 @@ pub(crate) struct EvalArgs {
         default_value = "limit"
     )]
     guards: Vec<Correction>,
-    /// Physics with so many substeps per frame, by the scene's integrator or another one, as
+    /// The solver with this number of substeps per frame, by the scene's integrator or another one, as
     /// linearised:4; several, separated by commas.
     #[arg(long, value_name = "[INTEGRATOR:]SUBSTEPS", value_delimiter = ',', value_parser = PhysicsMethod::from_str)]
     physics: Vec<PhysicsMethod>,
     /// Baselines, separated by commas: rigid (the rest pose moved with the handles), mirror (the
-    /// physics in the mirrored buckling mode, which takes the most time), or none [default: rigid].
+    /// solver in the mirrored buckling mode, which takes the most time), or none [default: rigid].
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = ["rigid", "mirror", "none"])]
     baselines: Vec<String>,
     /// Frames k from true states after which errors are taken, separated by commas [default: those
@@ -85,16 +83,16 @@ pub(crate) struct EvalArgs {
     /// Data sets: the split of trajectories.
     #[arg(long, value_enum, default_value_t = SplitName::Test)]
     pub(crate) split: SplitName,
-    /// Data sets: only these motions. Scenes: motions in the place of the scene's own: names, TOML
+    /// Data sets: only these motions. Scenes: motions instead of the scene's own: names, TOML
     /// files, recorded ones (.csv, .npz), `test` for all test motions, or `unseen` for the ten of
     /// these that are no mirror image of a training motion either. Separated by commas.
     #[arg(long = "motion", value_name = "NAMES", value_delimiter = ',')]
     pub(crate) motions: Vec<String>,
-    /// Scenes: materials in the place of the scene's own, separated by commas: names of shipped
+    /// Scenes: materials instead of the scene's own, separated by commas: names of shipped
     /// ones, TOML files, or `all` that ship.
     #[arg(long = "material", value_name = "NAMES", value_delimiter = ',')]
     pub(crate) materials: Vec<String>,
-    /// Scenes: the physics that is the truth, with an even number of substeps.
+    /// Scenes: the solver that is the ground truth, with an even number of substeps.
     #[arg(long, value_name = "[INTEGRATOR:]SUBSTEPS", default_value = "generalised-alpha:64", value_parser = PhysicsMethod::from_str)]
     pub(crate) reference: PhysicsMethod,
     /// Random motions: frames of each.
@@ -103,18 +101,18 @@ pub(crate) struct EvalArgs {
     /// Random motions: their seed, and that of the cloths of --mesh.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Random motions: peak speed of the handles, in parts of that of the shipped training motions
+    /// Random motions: peak speed of the handles, as a fraction of that of the shipped training motions
     /// (1.57 m/s).
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = speed)]
     speed: f64,
-    /// Random motions: cloths in turn in the place of the scene's own, as data presets name them:
+    /// Random motions: cloths, in turn, instead of the scene's own, as data presets name them:
     /// all, or names separated by commas.
     #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "random")]
     mesh: Vec<String>,
     /// Random motions: density of these cloths [vertices/m²].
     #[arg(long, value_name = "D", default_value_t = 400.0, requires = "mesh")]
     density: f64,
-    /// The folder of the report; it is made. Scenes need one, for their references.
+    /// The folder of the report; it is created. Scenes need one, for their references.
     #[arg(short, long, value_name = "FOLDER")]
     pub(crate) output: Option<PathBuf>,
     /// Cases that are run at once [default: as many as there are processors].

@@ -22,8 +22,6 @@ use crate::film::Look;
 Examples:
   selvedge export out/rollout.safetensors -o cloth.usda
   selvedge export out/rollout.safetensors -o cloth.glb --frames 60..180 --every 2
-  selvedge export out/rollout.safetensors -o cloth.pc2 --up z
-  selvedge export out/rollout.safetensors -o cloth.abc
   selvedge export out/rollout.safetensors -o frames --format png
   selvedge export out/rollout.safetensors -o cloth.gif --size 640x480 --camera 90,20 --colour 1f4e79
 

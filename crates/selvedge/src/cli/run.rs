@@ -20,8 +20,6 @@ use super::{DeviceArgs, MOST_FRAMES};
 Examples:
   selvedge run default -o truth.safetensors
   selvedge run my-scene.toml --frames 120 -o run.safetensors --export run.glb
-  selvedge run my-scene.toml --start mesh -o fall.safetensors --export fall.gif
-  selvedge run arcsim-scene.json -o run.safetensors --states states.safetensors
   selvedge run my-scene.toml --start states.safetensors:60 -o on.safetensors
   selvedge run my-scene.toml --rest -o rest.obj
   selvedge run --model paper --compare
@@ -53,10 +51,10 @@ pub(crate) struct RunArgs {
     /// Solver: find the sagged rest pose and write that alone.
     #[arg(long, conflicts_with_all = ["model", "frames", "export", "start", "states"])]
     pub(crate) rest: bool,
-    /// Solver: start elsewhere than the scene says: `rest`, the sagged rest pose; `mesh`, where
-    /// the mesh stands, as a flat sheet that falls; `untangle`, from there moved apart where it meets
-    /// itself; `fit`, from there relaxed into the pattern, for garments that are strained as they
-    /// stand; or a saved state (.safetensors, .npz), FILE:N for
+    /// Solver: another start than that of the scene: `rest`, the sagged rest pose; `mesh`, where
+    /// the mesh is, as a flat sheet that falls; `untangle`, from there moved apart where it meets
+    /// itself; `fit`, from there relaxed into the pattern, for garments that are strained
+    /// there; or a saved state (.safetensors, .npz), FILE:N for
     /// that of frame N. A state has the arrays positions and velocities (or ckpt_x and ckpt_v),
     /// [vertices, 3], or [states, vertices, 3] with the frame of each in frames (or ckpt_frames).
     #[arg(long, value_name = "WHERE", conflicts_with = "model", value_parser = StartChoice::from_str)]

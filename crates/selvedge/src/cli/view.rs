@@ -7,16 +7,15 @@ use clap::{Args, ValueEnum};
 
 use super::DeviceArgs;
 
-/// Drag a cloth, live, in the browser.
+/// Simulate a cloth live in the browser, and drag it.
 ///
-/// Serves a page at an address of this machine and says where. The cloth is moved by the solver, by
+/// Serves a page at an address of this machine, which is printed. The cloth is moved by the solver, by
 /// a learned model, or by both side by side with the same handles; or a recorded trajectory is
-/// played. Several pages may watch. Ctrl-C ends; a recording under way is written.
+/// played. Several pages may watch. Ctrl-C stops; an unfinished recording is written.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
   selvedge view --open
-  selvedge view default --model paper --show model
   selvedge view my-scene.toml --model my-model.safetensors --show both
   selvedge view out/truth.safetensors --beside out/rollout.safetensors
 
@@ -29,7 +28,7 @@ pub(crate) struct ViewArgs {
     /// A model's weights; repeat the option for several to choose from [default: the shipped model].
     #[arg(long, value_name = "FILE")]
     pub(crate) model: Vec<PathBuf>,
-    /// The mover of the cloth at first.
+    /// What moves the cloth at first.
     #[arg(long, value_enum, default_value_t = Shown::Physics)]
     pub(crate) show: Shown,
     /// The machine of the models.
@@ -46,7 +45,7 @@ pub(crate) struct ViewArgs {
     /// the option for several.
     #[arg(long, value_name = "NAME")]
     pub(crate) allow_host: Vec<String>,
-    /// The folder for what is recorded; it is made when there is something.
+    /// The folder for recordings; it is created with the first.
     #[arg(long, value_name = "FOLDER", default_value = "recordings")]
     pub(crate) recordings: PathBuf,
     /// Open the page in the browser.

@@ -10,7 +10,7 @@ use crate::{place, progress};
 /// Fits, and writes what was found.
 pub(crate) fn run(args: &FitArgs) -> anyhow::Result<Answer> {
     place::check_new_folder(&args.output)?;
-    let mut fit = Fit::read(&args.order)?;
+    let mut fit = Fit::read(&args.config)?;
     for warning in &fit.loaded.warnings {
         tracing::warn!("{warning}");
     }

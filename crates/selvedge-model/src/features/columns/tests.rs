@@ -38,8 +38,41 @@ fn pose<'a>(previous: &'a [Vec3], current: &'a [Vec3], yaw: Yaw) -> Pose<'a> {
     Pose {
         previous,
         current,
+        next_handles: &[],
         yaw,
     }
+}
+
+#[test]
+fn a_handle_knows_its_next_move_and_a_free_vertex_nothing() {
+    let mut graph = parts(3, 1).graph();
+    let (previous, current) = moving(graph.cloth().rest_positions());
+    let next: Vec<Vec3> = graph.handles().of(&shaken(&current, 0.02, 5)).collect();
+    let yaw = Yaw::from_angle(0.4);
+    let spec = ModelSpec {
+        node_features: [NodeFeature::HandleAcceleration].into(),
+        ..ModelSpec::mesh_graph_nets(4, 1)
+    };
+    let pose = Pose {
+        next_handles: &next,
+        ..pose(&previous, &current, yaw)
+    };
+    let first = graph.handles().vertices()[0].index();
+    let wanted = yaw.to_local(next[0] - 2.0 * current[first] + previous[first]);
+    let rows = |graph: &ClothGraph| -> Vec<Vec3> {
+        let nodes = features(&spec, graph, pose).nodes;
+        nodes.chunks(3).map(Vec3::from_slice).collect()
+    };
+    for (v, found) in rows(&graph).into_iter().enumerate() {
+        let is_held = graph.handle_mask()[v];
+        assert_eq!(found == Vec3::ZERO, !is_held, "{v}");
+        assert!(
+            v != first || found.distance(wanted) < 1e-6,
+            "{found} {wanted}"
+        );
+    }
+    graph.hold(|_| false);
+    assert!(rows(&graph).into_iter().all(|row| row == Vec3::ZERO));
 }
 
 /// A pose that moves 1 cm per frame everywhere and is bent by as much.

@@ -15,7 +15,11 @@ fn cloth(side: usize, window: usize) -> (ClothGraph, Vec<Vec<Vec3>>) {
 }
 
 fn of(positions: &[Vec<Vec3>], yaw: Yaw) -> Frames<'_, Vec<Vec3>> {
-    Frames { positions, yaw }
+    Frames {
+        positions,
+        next_handles: &[],
+        yaw,
+    }
 }
 
 fn normalizer(width: usize) -> Normalizer {
