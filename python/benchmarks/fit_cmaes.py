@@ -71,11 +71,11 @@ def main():
     args = parser.parse_args()
     swing = Swing(args.order)
     fit = json.loads(pathlib.Path(args.fit).read_text())
-    goal = (1e3 * fit["rms"]) ** 2
-    forward, back = (sum(search["runs"][k] for search in fit["searches"]) for k in (0, 1))
-    print(f"fit: {1e3 * fit['rms']:.4f} mm, {forward} runs forward and {back} back")
+    first, last = fit["searches"][0]
+    goal = last**2
+    print(f"fit: {last:.4f} mm, {fit['runs']} runs forward and {fit['runs_back']} back")
     print(f"the same start: {math.sqrt(swing.value(swing.start())):.3f} mm, "
-          f"the fit has {1e3 * fit['searches'][0]['rms'][0]:.3f} mm")
+          f"the fit has {first:.3f} mm")
     counts = []
     for seed in range(1, args.seeds + 1):
         options = {"bounds": [0, 1], "seed": seed, "verbose": -9, "maxfevals": args.most}

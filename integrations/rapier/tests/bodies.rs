@@ -15,6 +15,8 @@ use selvedge_cloth::{
 use selvedge_rapier::World;
 
 const GRAVITY: f64 = 9.81;
+/// Frames per second for what lies on cloth upon a floor, with one step of the cloth each.
+const SHORT: f64 = 1920.0;
 
 /// `layers` sheets of `squares`² squares of side `spacing` `[m]` that lie at these heights, their middle
 /// at the origin, held at vertices that `is_held` by their places.
@@ -99,8 +101,9 @@ fn hold(run: &Run) -> HandleTargets {
 
 #[test]
 fn cloth_and_ball_together_keep_their_momentum() {
-    for substeps in [1, 4] {
+    for (substeps, rate, most_steps) in [(1, 60.0, 12), (4, 60.0, 12), (1, SHORT, 1)] {
         let mut scene = lying(12, 0.05, &[0.0], |_| false);
+        scene.frame_rate = rate;
         scene.environment.gravity = DVec3::ZERO;
         scene.physics.solver = LinearSolver::Cholesky;
         scene.physics.substeps = substeps;
@@ -110,6 +113,7 @@ fn cloth_and_ball_together_keep_their_momentum() {
         let ball = dynamic(&mut rapier, ColliderBuilder::ball(0.1), 0.1, at);
         rapier.bodies[ball].set_linvel(Vector::new(0.3, -2.0, 0.1), true);
         let mut world = World::new(run_of(scene), rapier, &[(0, ball)]);
+        world.most_steps = most_steps;
         let momentum = |world: &World| -> DVec3 {
             let solver = world.run.solver().unwrap();
             let cloth = solver.vertex_mass().iter().zip(solver.velocities_f64());
@@ -117,14 +121,14 @@ fn cloth_and_ball_together_keep_their_momentum() {
         };
         let start = momentum(&world);
         let begin = speed(&world, ball);
-        let mut steps = 0;
-        for _ in 0..60 {
+        let (mut steps, frames) = (0, rate as usize);
+        for _ in 0..frames {
             world.step().unwrap();
             steps += world.steps();
         }
         let lost = (momentum(&world) - start).length() / start.length();
         let slowed = (speed(&world, ball) - begin).length() / begin.length();
-        println!("{substeps}: lost {lost:.1e}, slowed by {slowed:.2}, {steps} steps of 60");
+        println!("{substeps}: lost {lost:.1e}, slowed by {slowed:.2}, {steps} steps of {frames}");
         assert!(slowed > 0.1, "{slowed}");
         assert!(lost < 1e-9, "{lost}");
     }
@@ -182,14 +186,17 @@ fn a_ball_bounces_on_a_trampoline_and_comes_to_rest_where_the_cloth_bears_it() {
 }
 
 /// A board of this `mass` `[kg]` on so many layers, after two seconds: its height over what the curve of
-/// the fabric has at the load of each layer, and its speed `[m/s]`.
-fn pressed(layers: u32, mass: f64, substeps: u32) -> (f64, f64) {
+/// the fabric has at the load of each layer, and how far it moved in the last 0.2 s `[m]`. In shorter
+/// frames the barrier, whose push is mass over the square of a step, bears a part.
+fn pressed(layers: u32, mass: f64) -> (f64, f64) {
+    let rate = 480.0;
     // Nine by nine vertices of each layer below it, each with its own square.
     let spacing = 0.02;
     let side = 9.0 * spacing;
     let heights: Vec<f64> = (1..=layers).map(|k| f64::from(k) * 9e-4).collect();
     let mut scene = lying(12, spacing, &heights, |_| false);
-    scene.physics.substeps = substeps;
+    scene.physics.substeps = 1;
+    scene.frame_rate = rate;
     let density = scene.material.density;
     let size = DVec3::new(side, 0.03, side);
     let at = DVec3::Y * (f64::from(layers + 1) * 9e-4 + 0.5 * size.y);
@@ -198,10 +205,14 @@ fn pressed(layers: u32, mass: f64, substeps: u32) -> (f64, f64) {
     let shape = ColliderBuilder::cuboid(0.5 * size.x, 0.5 * size.y, 0.5 * size.z);
     let board = dynamic(&mut rapier, shape, mass, at);
     let mut world = World::new(run_of(scene), rapier, &[(1, board)]);
-    let mut steps = 0;
-    for _ in 0..120 {
+    world.most_steps = 1;
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    for frame in 0..2 * rate as u32 {
         world.step().unwrap();
-        steps += world.steps();
+        if f64::from(frame) > 1.8 * rate {
+            low = low.min(place(&world, board).y);
+            high = high.max(place(&world, board).y);
+        }
     }
     let found = place(&world, board).y - 0.5 * size.y;
     let own = mass / (side * side);
@@ -210,36 +221,32 @@ fn pressed(layers: u32, mass: f64, substeps: u32) -> (f64, f64) {
         1e-3 * Compression::default().gap(load)
     });
     let expected: f64 = gaps.sum();
-    let still = speed(&world, board).length();
     println!(
-        "{layers} layers, {substeps} substeps: {:.0} Pa, {:.3} mm of {:.3}, {still:.1e} m/s, {steps} steps of 120",
+        "{layers} layers, {rate} frames per second: {:.0} Pa, {:.3} mm of {:.3}, moves by {:.1e} m",
         own * GRAVITY,
         found * 1e3,
-        expected * 1e3
+        expected * 1e3,
+        high - low
     );
     assert_eq!(world.run.solver().unwrap().intersection_count(), 0);
-    (found / expected, still)
+    (found / expected, high - low)
 }
 
 #[test]
-#[ignore = "not run to its end: over 100 s on a busy machine"]
 fn a_book_on_a_towel_sinks_by_the_curve_and_lies_still() {
-    for substeps in [1, 4] {
-        let (height, still) = pressed(4, 1.0, substeps);
-        assert!(
-            (height - 1.0).abs() < 0.05 && still < 1e-3,
-            "{height} {still}"
-        );
-    }
+    let (height, moved) = pressed(4, 1.0);
+    assert!(
+        (height - 1.0).abs() < 0.05 && moved < 1e-5,
+        "{height} {moved}"
+    );
 }
 
 #[test]
-#[ignore = "not run to its end: over 100 s on a busy machine"]
 fn ten_layers_under_a_board_stand_as_the_curve_has_each_at_its_load() {
-    let (height, still) = pressed(10, 0.2, 2);
+    let (height, moved) = pressed(10, 0.2);
     assert!(
-        (height - 1.0).abs() < 0.05 && still < 1e-3,
-        "{height} {still}"
+        (height - 1.0).abs() < 0.05 && moved < 1e-4,
+        "{height} {moved}"
     );
 }
 
@@ -285,10 +292,11 @@ fn a_swinging_bar_pushes_a_curtain_and_is_slowed() {
     assert!(pushed < -0.05 && slowed > free + 0.02, "{pushed} {slowed}");
 }
 
-#[test]
-#[ignore = "plates on cloth upon a floor are thrown: their frames find no impulse on which both agree"]
-fn a_table_cloth_is_pulled_from_under_plates_that_stay() {
+/// Ways of two plates in m, of which a table-cloth is pulled away, at so many frames per second.
+fn pulled_from_under_plates(rate: f64) -> [f64; 2] {
     let mut scene = lying(16, 0.04, &[9e-4], |p| p.x > 0.31);
+    scene.frame_rate = rate;
+    scene.material = toml::from_str(selvedge_assets::materials::DENIM).unwrap();
     scene.contact = Some(ContactSettings {
         friction: 0.2,
         ..ContactSettings::default()
@@ -312,29 +320,47 @@ fn a_table_cloth_is_pulled_from_under_plates_that_stay() {
             .push(obstacle(&name, bodies::cuboid(size), at));
     }
     let mut world = World::new(run_of(scene), rapier, &plates);
+    world.most_steps = 1;
     let held = world.run.handle_places();
     let (pull, mut way) = (15.0, 0.0);
-    for frame in 0..42 {
+    // What each was pushed up at rest, and along and up while it slides.
+    let [mut rest, mut along, mut up, mut ways] = [[0.0; 2]; 4];
+    for frame in 0..(0.55 * rate) as u32 {
         // Still for a moment, then faster and faster.
-        let time = (f64::from(frame - 14) / 60.0).max(0.0);
+        let time = (f64::from(frame) / rate - 0.1).max(0.0);
         way = 0.5 * pull * time * time;
         let targets = held.iter().map(|p| *p + DVec3::X * way).collect();
         world
             .step_to(&HandleTargets::at_frame_end(targets).unwrap())
             .unwrap();
+        for (k, (number, plate)) in plates.iter().enumerate() {
+            let got = world.run.impulses()[*number].linear;
+            if time == 0.0 && f64::from(frame) > 0.05 * rate {
+                rest[k] += got.y;
+            }
+            if speed(&world, *plate).x > 0.05 {
+                along[k] += got.x;
+                up[k] += got.y;
+            }
+        }
     }
-    for ((_, plate), at) in plates.iter().zip(places) {
+    for (k, ((_, plate), at)) in plates.iter().zip(places).enumerate() {
         let gone = place(&world, *plate) - at;
-        // Friction takes it along until the cloth's end has passed it, and that of the floor stops it.
-        let [along, back] = [0.2 * GRAVITY, 0.5 * GRAVITY];
-        let free = 2.0 * (at.x + 0.06 + 0.32) / (pull - along);
-        let expected = 0.5 * along * free * (1.0 + along / back);
+        // Friction takes it along until the cloth's end has passed it, and that of the floor stops it. A
+        // cloth that stretches slides later and leaves sooner.
+        let [drag, back] = [0.2 * GRAVITY, 0.5 * GRAVITY];
+        let free = 2.0 * (at.x + 0.06 + 0.32) / (pull - drag);
+        let most = 0.5 * drag * free * (1.0 + drag / back);
+        let [weight, friction] = [rest[k] / (0.05 * 0.4 * GRAVITY), along[k] / up[k]];
         println!(
-            "the cloth goes {way:.2} m, a plate {:.3} m of {expected:.3}",
+            "the cloth goes {way:.2} m, a plate {:.3} m of {most:.3}, it weighs {weight:.3} of its weight, friction {friction:.3}",
             gone.x
         );
-        assert!((gone.x - expected).abs() < 0.02, "{gone} {expected}");
-        assert!(gone.y.abs() < 0.03 && gone.z.abs() < 0.02, "{gone}");
+        ways[k] = gone.x;
+        assert!((0.4 * most..1.1 * most).contains(&gone.x), "{gone} {most}");
+        assert!(gone.y.abs() < 0.03 && gone.z.abs() < 0.01, "{gone}");
+        assert!((weight - 1.0).abs() < 0.1, "{weight}");
+        assert!((friction / 0.2 - 1.0).abs() < 0.1, "{friction}");
     }
     let last = world
         .run
@@ -343,4 +369,13 @@ fn a_table_cloth_is_pulled_from_under_plates_that_stay() {
         .map(|p| p.x)
         .fold(f32::INFINITY, f32::min);
     assert!(last > 0.1, "{last}");
+    ways
+}
+
+#[test]
+fn a_table_cloth_is_pulled_from_under_plates_that_stay() {
+    let [coarse, fine] = [0.5 * SHORT, SHORT].map(pulled_from_under_plates);
+    for (coarse, fine) in coarse.iter().zip(fine) {
+        assert!((coarse - fine).abs() < 3e-3, "{coarse} {fine}");
+    }
 }

@@ -247,6 +247,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("--tasks", nargs="+", default=list(POLICIES))
     parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--first", type=int, default=100, help="the first seed; the fold's policy was made with seed 0")
     parser.add_argument("--substeps", type=int, nargs="+", default=[1, 2, 4])
     parser.add_argument("--spacing", type=float, nargs="+", default=[0.015, 0.010])
     parser.add_argument("--threads", type=int, default=os.cpu_count())
@@ -256,7 +257,7 @@ def main() -> None:
             for spacing in chosen.spacing:
                 for substeps in chosen.substeps:
                     run = partial(episode, task, spacing=spacing, substeps=substeps)
-                    infos = list(pool.map(run, range(chosen.seeds)))
+                    infos = list(pool.map(run, range(chosen.first, chosen.first + chosen.seeds)))
                     won = sum(info["success"] for info in infos)
                     least = min(info["done"] for info in infos)
                     print(f"{task:6} {spacing * 1e3:4.0f} mm {substeps} substeps: {won} of {chosen.seeds}, least done {least:.2f}", flush=True)

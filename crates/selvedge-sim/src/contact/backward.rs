@@ -565,3 +565,6 @@ impl Collision {
         force * (work * self.response.gamma)
     }
 }
+
+#[cfg(test)]
+pub(crate) mod tests;

@@ -172,7 +172,12 @@ impl Contact {
                 tape
             };
             solve.came_from = solve.collisions.list.iter().map(tape).collect();
-            let places = solve.at.positions.iter().zip(&solve.changes).enumerate();
+            let places = solve
+                .at
+                .positions
+                .iter()
+                .zip(&solve.changes[..])
+                .enumerate();
             let end = |(v, (at, change)): (usize, (&DVec3, &DVec3))| {
                 let start = self.start[v];
                 start + (*at + *change * gamma - start) / point

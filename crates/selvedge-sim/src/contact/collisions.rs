@@ -376,6 +376,15 @@ impl Collisions {
         }
     }
 
+    /// The same, without the places that [`Self::expect`] takes.
+    pub(crate) fn without_places(&self) -> Self {
+        Self {
+            list: self.list.clone(),
+            expected: Vec::new(),
+            ..*self
+        }
+    }
+
     /// Takes what is expected of the end of the stage without a push: the places of the cloth's vertices
     /// `[m]`.
     pub(crate) fn expect(&mut self, places: impl Iterator<Item = DVec3>) {

@@ -11,4 +11,7 @@ pub(crate) use history::History;
 pub use history::SubstepCounts;
 pub(crate) use second_order::SecondOrder;
 pub(crate) use second_order::backward::{Pulled, pull_euler};
-pub(crate) use tape::{SolveTape, SubstepTape, Tape};
+pub(crate) use tape::{Changes, SolveTape, SubstepTape, Tape};
+
+#[cfg(test)]
+mod tests;

@@ -1,5 +1,7 @@
 //! What a substep leaves for its derivatives.
 
+use std::{sync::Arc, vec::IntoIter};
+
 use glam::DVec3;
 
 use crate::contact::{CollisionTape, Collisions};
@@ -11,7 +13,16 @@ pub(crate) struct Tape {
     substeps: Vec<SubstepTape>,
     /// Substeps that stay; those after them are dropped when one begins.
     settled: usize,
+    /// Δv of all solves of the frame, also of those whose substep was dropped.
+    solves: Vec<Changes>,
+    /// True if a solve failed.
+    has_failed: bool,
+    /// Δv of the solves that follow, of a frame that is taken again.
+    pub(crate) known: IntoIter<Changes>,
 }
+
+/// Δv of a solve `[m/s]`, `[vertices]`.
+pub(crate) type Changes = Arc<[DVec3]>;
 
 /// A substep, or the part of one that was safe, as it was taken.
 #[derive(Debug)]
@@ -53,9 +64,9 @@ pub(crate) struct TouchingTape {
 pub(crate) struct SolveTape {
     /// Where it was linearised.
     pub(crate) at: State,
-    /// Δv `[m/s]`, `[vertices]`.
-    pub(crate) changes: Vec<DVec3>,
-    /// What pushed.
+    /// Δv.
+    pub(crate) changes: Changes,
+    /// What pushed; where the cloth was expected is left out.
     pub(crate) collisions: Collisions,
     /// What each of those came from, `[collisions]`.
     pub(crate) came_from: Vec<CollisionTape>,
@@ -111,10 +122,17 @@ impl Tape {
         self.settled = self.substeps.len();
     }
 
-    /// The substeps, which are taken out.
-    pub(crate) fn take(&mut self) -> Vec<SubstepTape> {
-        self.settled = 0;
-        std::mem::take(&mut self.substeps)
+    /// The substeps, and Δv of all solves, none if one failed, which are taken out.
+    pub(crate) fn take(&mut self) -> (Vec<SubstepTape>, Vec<Changes>) {
+        let taken = std::mem::take(self);
+        let solves = if taken.has_failed { Vec::new() } else { taken.solves };
+        (taken.substeps, solves)
+    }
+
+    /// Keeps the Δv of a solve, none if it failed.
+    pub(crate) fn keep(&mut self, changes: Option<Changes>) {
+        self.has_failed |= changes.is_none();
+        self.solves.extend(changes);
     }
 
     /// Forgets the stages of the substep under way, which goes on by backward Euler.
@@ -126,14 +144,9 @@ impl Tape {
     }
 
     /// Keeps a solve linearised at `at`, the `first` of its stage or a further one.
-    pub(crate) fn solved(
-        &mut self,
-        first: bool,
-        at: &State,
-        changes: &[DVec3],
-        collisions: &Collisions,
-    ) {
-        let Some(last) = self.last() else {
+    pub(crate) fn solved(&mut self, first: bool, at: &State, collisions: &Collisions) {
+        let changes = self.solves.last().cloned();
+        let (Some(last), Some(changes)) = (self.last(), changes) else {
             return;
         };
         if first {
@@ -142,19 +155,19 @@ impl Tape {
         if let Some(stage) = last.stages.last_mut() {
             stage.push(SolveTape {
                 at: at.clone(),
-                changes: changes.to_vec(),
-                collisions: collisions.clone(),
+                changes,
+                collisions: collisions.without_places(),
                 came_from: Vec::new(),
             });
         }
     }
 
-    /// Memory of the vectors `[bytes]`.
+    /// Memory of the substeps without the Δv of their solves `[bytes]`.
     pub(crate) fn bytes(&self) -> usize {
         let substeps = self.substeps.iter();
         let vectors = substeps.map(|substep| {
             let solves = || substep.stages.iter().flatten();
-            let states = 2 + 2 * usize::from(substep.before.is_some()) + 3 * solves().count();
+            let states = 2 + 2 * usize::from(substep.before.is_some()) + 2 * solves().count();
             let vectors = states * substep.start.positions.len() + substep.targets.len();
             let touching = solves().map(|solve| solve.collisions.bytes(&solve.came_from));
             let touching: usize = touching.sum();

@@ -63,7 +63,7 @@ pub fn sag_gradient(
                 positions: positions.to_vec(),
                 velocities: zeros(),
             },
-            changes: zeros(),
+            changes: zeros().into(),
             collisions: Collisions::default(),
             came_from: Vec::new(),
         },

@@ -15,15 +15,15 @@ use thiserror::Error;
 use super::Simulator;
 use crate::active_handles::ActiveHandles;
 use crate::contact::ObstacleSlope;
-use crate::integrator::{Pulled, SubstepTape};
+use crate::integrator::{Changes, Pulled, SubstepTape, Tape};
 use crate::solver::{MaterialGradient, SolveError};
 use crate::state::State;
 
 /// Memory of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GradientSettings {
-    /// Bytes that the substeps may take. Beyond, the oldest frames are computed again by
-    /// [`Simulator::backward`].
+    /// Bytes that a recording may take. Beyond, the oldest frames keep what their solves found, 24 bytes for each
+    /// vertex and solve, by which [`Simulator::backward`] computes them again.
     pub memory: usize,
     /// Frames from one snapshot to the next, which are computed again together.
     pub segment: usize,
@@ -33,7 +33,7 @@ impl Default for GradientSettings {
     fn default() -> Self {
         Self {
             memory: 96 << 20,
-            segment: 16,
+            segment: 8,
         }
     }
 }
@@ -136,14 +136,19 @@ struct Frame {
     /// Motions by which the obstacles were led, `[obstacles]`.
     leads: Vec<Rigid>,
     substeps: Vec<SubstepTape>,
+    /// Δv of its solves, with which it is computed again.
+    solves: Vec<Changes>,
+    /// Memory of the substeps.
     bytes: usize,
 }
 
 impl Recording {
-    /// Keeps the substeps of frame `k`.
-    fn keep(&mut self, k: usize, substeps: Vec<SubstepTape>, bytes: usize) {
-        (self.frames[k].substeps, self.frames[k].bytes) = (substeps, bytes);
-        self.bytes += bytes;
+    /// Keeps what `tape` has of frame `k`.
+    fn keep(&mut self, k: usize, tape: &mut Tape) {
+        let frame = &mut self.frames[k];
+        frame.bytes = tape.bytes();
+        self.bytes += frame.bytes;
+        (frame.substeps, frame.solves) = tape.take();
     }
 
     /// Drops the substeps of frame `k`.
@@ -199,6 +204,8 @@ impl Simulator {
         let recording = self.recording.as_ref()?;
         let segment = recording.settings.segment.max(1);
         let is_first = recording.frames.len().is_multiple_of(segment);
+        // Without what a step that failed has left.
+        self.active.system.tape = Some(Box::default());
         Some(Begun {
             snapshot: if is_first { self.snapshot() } else { None },
             holds: self.active.holds().to_vec(),
@@ -223,14 +230,18 @@ impl Simulator {
                 .environment
                 .during_step(self.frame - 1, self.scene.frame_rate),
             substeps: Vec::new(),
+            solves: Vec::new(),
             bytes: 0,
         };
         recording.snapshots.extend(begun.snapshot);
         recording.frames.push(frame);
         let last = recording.frames.len() - 1;
         if let Some(tape) = &mut self.active.system.tape {
-            let bytes = tape.bytes();
-            recording.keep(last, tape.take(), bytes);
+            recording.keep(last, tape);
+            let solves = recording.frames[last].solves.iter();
+            recording.bytes += solves
+                .map(|changes| size_of_val(&changes[..]))
+                .sum::<usize>();
         }
         let segment = recording.settings.segment.max(1);
         while recording.bytes > recording.settings.memory && recording.forgotten + segment <= last {
@@ -406,14 +417,15 @@ impl Simulator {
         let first = k / segment * segment;
         self.rewind(&recording.snapshots[k / segment])?;
         for k in first..=k {
-            self.active.system.tape = Some(Box::default());
+            let mut tape = Box::<Tape>::default();
+            tape.known = recording.frames[k].solves.clone().into_iter();
+            self.active.system.tape = Some(tape);
             for (number, lead) in recording.frames[k].leads.iter().enumerate() {
                 self.lead_obstacle(number, *lead)?;
             }
             self.step(&recording.frames[k].targets.clone())?;
             if let Some(mut tape) = self.active.system.tape.take() {
-                let bytes = tape.bytes();
-                recording.keep(k, tape.take(), bytes);
+                recording.keep(k, &mut tape);
             }
         }
         Ok(())
@@ -442,4 +454,16 @@ pub(crate) fn check(scene: &Scene) -> Result<(), GradientError> {
         return refused("physics.air", "\"explicit\"", "write \"implicit\"");
     }
     Ok(())
+}
+
+#[cfg(test)]
+impl Simulator {
+    /// The substeps that are recorded.
+    pub(crate) fn recorded(&self) -> impl Iterator<Item = &SubstepTape> {
+        let frames = self
+            .recording
+            .iter()
+            .flat_map(|recording| &recording.frames);
+        frames.flat_map(|frame| &frame.substeps)
+    }
 }

@@ -22,6 +22,8 @@ mod woven;
 use selvedge_cloth::{StepError, VertexId};
 use thiserror::Error;
 
+#[cfg(test)]
+pub(crate) use elements::Elements;
 pub use elements::backward::MaterialGradient;
 pub(crate) use elements::backward::{ElementSums, Residual};
 pub(crate) use system::System;

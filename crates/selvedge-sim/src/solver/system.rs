@@ -212,8 +212,10 @@ impl System {
                 self.driven[v] = (*target - state.positions[v]) / dt;
             }
         }
-        let at = at_start(self.air, dt, state, &self.driven);
-        self.elements.evaluate(self.threads, at, &mut self.impulses);
+        if !self.knows_next() {
+            let at = at_start(self.air, dt, state, &self.driven);
+            self.elements.evaluate(self.threads, at, &mut self.impulses);
+        }
         self.push_springs(dt, targets, |v| {
             state.positions[v] + state.velocities[v] * dt
         });
@@ -243,8 +245,10 @@ impl System {
             impulses: std::mem::take(&mut self.repeated.impulses),
             ..Repeated::default()
         };
-        let at = at_end(gamma, now);
-        self.elements.evaluate(self.threads, at, &mut self.impulses);
+        if !self.knows_next() {
+            let at = at_end(gamma, now);
+            self.elements.evaluate(self.threads, at, &mut self.impulses);
+        }
         for (v, impulse) in self.impulses.iter_mut().enumerate() {
             *impulse += (velocities[v] - now.velocities[v]) * self.elements.mass[v];
         }
@@ -280,7 +284,7 @@ impl System {
     /// Keeps the solve linearised at `at`, the `first` of its stage, where someone wants it.
     pub(crate) fn record(&mut self, first: bool, at: &State) {
         if let Some(tape) = &mut self.tape {
-            tape.solved(first, at, &self.changes, &self.collisions);
+            tape.solved(first, at, &self.collisions);
         }
     }
 
@@ -368,6 +372,27 @@ impl System {
     /// Solves the assembled system; [`Self::velocity_changes`] gives the solution. Its Δv come
     /// about within `span` `[s]`, which scales the last solution to a first guess.
     pub(crate) fn solve(&mut self, span: f64) -> Result<(), SolveError> {
+        let known = self.tape.as_mut().and_then(|tape| tape.known.next());
+        if let Some(changes) = &known {
+            self.changes.copy_from_slice(changes);
+        }
+        let solved = if known.is_some() { Ok(()) } else { self.solve_anew(span) };
+        if let Some(tape) = &mut self.tape {
+            let changes = known.unwrap_or_else(|| self.changes[..].into());
+            tape.keep(solved.is_ok().then_some(changes));
+        }
+        solved?;
+        self.solved_span = span;
+        Ok(())
+    }
+
+    /// Returns true if the Δv of the next solve is known, so that nothing is to be assembled.
+    fn knows_next(&self) -> bool {
+        let tape = self.tape.as_ref();
+        tape.is_some_and(|tape| !tape.known.as_slice().is_empty())
+    }
+
+    fn solve_anew(&mut self, span: f64) -> Result<(), SolveError> {
         self.check_impulses()?;
         let is_direct = matches!(self.solver, Solver::Direct(_));
         if is_direct && self.collisions.couple() {
@@ -380,7 +405,6 @@ impl System {
                 other => other?,
             }
         }
-        self.solved_span = span;
         Ok(())
     }
 

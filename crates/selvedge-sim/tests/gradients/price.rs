@@ -10,6 +10,9 @@ use selvedge_sim::{GradientSettings, Simulator, Threads};
 use crate::scenes::{by_default, held};
 use crate::sheets;
 
+/// Bytes of a recording.
+const BOTH: [(&str, usize); 2] = [("computed again", 1 << 20), ("all kept", 1 << 30)];
+
 /// Largest memory so far `[MB]`, where the system tells.
 fn peak() -> f64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
@@ -29,10 +32,20 @@ fn seconds() -> f64 {
     nanoseconds.map_or_else(|| BEGAN.elapsed().as_secs_f64(), |n| n * 1e-9)
 }
 
-/// A sheet of 1024 vertices that falls on a ball.
+/// A sheet of 1024 vertices that falls on a ball, and the same until it lies there.
 #[test]
 #[ignore = "it measures"]
 fn sixty_frames_with_contact() {
+    on_a_ball(60, &BOTH);
+}
+
+#[test]
+#[ignore = "it measures"]
+fn three_hundred_frames_with_contact() {
+    on_a_ball(300, &[("default", GradientSettings::default().memory)]);
+}
+
+fn on_a_ball(frames: u32, memories: &[(&str, usize)]) {
     let mut scene = by_default(32);
     scene.handles = Handles::new(&[], 1024).unwrap();
     let flat = DQuat::from_rotation_z(std::f64::consts::FRAC_PI_2);
@@ -42,7 +55,7 @@ fn sixty_frames_with_contact() {
     scene.obstacles = vec![Obstacle::of("ball", ball).unwrap()];
     scene.contact = Some(ContactSettings::default());
     scene.mesh = scene.mesh.with_positions(lying).unwrap();
-    measure(&scene, 60, &|_| {
+    measure(&scene, frames, memories, &|_| {
         HandleTargets::at_frame_end(Vec::new()).unwrap()
     });
 }
@@ -69,7 +82,7 @@ fn the_sphere_of_diffcloth() {
         scene.frame_rate = rate;
         scene.physics.substeps = substeps;
         println!("{frames} frames of 1/{rate} s, {substeps} substeps");
-        measure(&scene, frames, &|_| {
+        measure(&scene, frames, &BOTH, &|_| {
             HandleTargets::at_frame_end(Vec::new()).unwrap()
         });
     }
@@ -80,7 +93,7 @@ fn the_sphere_of_diffcloth() {
 fn three_hundred_frames_of_1024_vertices() {
     let mut scene = by_default(32);
     scene.environment.wind = DVec3::new(1.0, 0.2, -0.5);
-    measure(&scene, 300, &|frame| {
+    measure(&scene, 300, &BOTH, &|frame| {
         let time = f64::from(frame) / 60.0;
         let way = DVec3::new(
             0.3 * (3.0 * time).sin(),
@@ -93,7 +106,12 @@ fn three_hundred_frames_of_1024_vertices() {
 }
 
 /// Prints the time of a run alone, recorded and back, and the memory of the process.
-fn measure(scene: &Scene, frames: u32, targets: &dyn Fn(u32) -> HandleTargets) {
+fn measure(
+    scene: &Scene,
+    frames: u32,
+    memories: &[(&str, usize)],
+    targets: &dyn Fn(u32) -> HandleTargets,
+) {
     let run = |settings: Option<GradientSettings>| {
         let mut simulator = Simulator::new(scene).unwrap();
         simulator.set_threads(Threads::One);
@@ -108,9 +126,9 @@ fn measure(scene: &Scene, frames: u32, targets: &dyn Fn(u32) -> HandleTargets) {
     };
     let (_, plain) = run(None);
     let before = peak();
-    for (name, memory) in [("computed again", 1 << 20), ("all kept", 1 << 30)] {
+    for (name, memory) in memories {
         let settings = GradientSettings {
-            memory,
+            memory: *memory,
             ..GradientSettings::default()
         };
         let (mut simulator, forward) = run(Some(settings));

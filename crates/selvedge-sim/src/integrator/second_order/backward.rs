@@ -179,7 +179,7 @@ impl SecondOrder {
         let Some(last) = stage.solves.last().filter(|_| !slopes.is_empty()) else {
             return;
         };
-        let estimate = last.at.positions.iter().zip(&last.changes);
+        let estimate = last.at.positions.iter().zip(&last.changes[..]);
         let ends = estimate.zip(stage.start).map(|((at, change), start)| {
             let estimate = *at + *change * stage.gamma;
             if point == 1.0 { estimate } else { self.formula.end(*start, estimate) }
@@ -534,6 +534,9 @@ impl Solved<'_> {
                 add(&mut by.positions, &touching.by_estimates[number], 1.0);
             }
             system.collisions.clone_from(&solve.collisions);
+            if let Some(touching) = &touching {
+                system.collisions.expect(touching.expected.iter().copied());
+            }
             let positions = by.positions.iter().zip(&by.velocities);
             let right: Vec<DVec3> = positions.map(|(x, v)| *x * self.gamma + *v).collect();
             system.linearise(self.gamma, self.base, &solve.at, self.targets);
@@ -551,7 +554,7 @@ impl Solved<'_> {
                 *by_target += pull;
             }
             if let Some(touching) = &mut touching {
-                let places = solve.at.positions.iter().zip(&solve.changes);
+                let places = solve.at.positions.iter().zip(&solve.changes[..]);
                 let end: Vec<DVec3> = places.map(|(x, v)| *x + *v * self.gamma).collect();
                 let places = Places {
                     gamma: self.gamma,
