@@ -222,7 +222,7 @@ fn pressed(layers: u32, mass: f64, substeps: u32) -> (f64, f64) {
 }
 
 #[test]
-#[ignore = "not run to its end: over 100 s on a busy machine"]
+#[ignore = "an error of contact in the first frames: the guess of the impulse leads the board through the layers"]
 fn a_book_on_a_towel_sinks_by_the_curve_and_lies_still() {
     for substeps in [1, 4] {
         let (height, still) = pressed(4, 1.0, substeps);
@@ -234,7 +234,7 @@ fn a_book_on_a_towel_sinks_by_the_curve_and_lies_still() {
 }
 
 #[test]
-#[ignore = "not run to its end: over 100 s on a busy machine"]
+#[ignore = "an error of contact in the first frames: the guess of the impulse leads the board through the layers"]
 fn ten_layers_under_a_board_stand_as_the_curve_has_each_at_its_load() {
     let (height, still) = pressed(10, 0.2, 2);
     assert!(

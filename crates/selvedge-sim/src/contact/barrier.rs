@@ -29,7 +29,7 @@ pub(super) struct Barrier<N = f64> {
     /// Mass of the pair's relative motion over γ² `[N/m]`.
     pub(super) inertia: N,
     /// The push of the fabric under pressure.
-    pub(super) pressure: Pressure,
+    pub(super) pressure: Pressure<N>,
     /// Time in which the fabric recovers from pressure, over that of the solve.
     pub(super) recovery: f64,
 }
@@ -103,12 +103,13 @@ impl<N: Real> Barrier<N> {
         if let (Some(firm), true) = (self.pressure.firm(start, self.thickness), rests) {
             return self.recoil(start, expected, firm);
         }
-        let usual = self.part(self.share, start.greater(expected).at_most(self.thickness));
+        let rest = start.greater(expected).at_most(self.thickness);
+        let usual = self.part(self.share, rest, rest);
         let least = start.same(LEAST * self.thickness).smaller(start);
         if least.within(self.alone(&usual, expected)) {
             usual
         } else {
-            self.part(self.share.at_least(AT_SPEED), least)
+            self.part(self.share.at_least(AT_SPEED), least, rest)
         }
     }
 
@@ -116,7 +117,7 @@ impl<N: Real> Barrier<N> {
     /// little of the work that pressed it together. Nothing, where it parts faster than the fabric recoils;
     /// but of layers, what is expected without a push does not know of what presses them together.
     fn recoil(&self, start: N, expected: N, firm: Tangent<N>) -> Tangent<N> {
-        let elastic = self.part(self.share, start);
+        let elastic = self.part(self.share, start, start);
         let tangent = Tangent {
             stiffness: elastic.stiffness + firm.stiffness * self.recovery,
             ..elastic
@@ -125,19 +126,24 @@ impl<N: Real> Barrier<N> {
         if pushes || self.pressure.is_layered { tangent } else { Tangent::none(expected) }
     }
 
-    /// This part of the tangent at `gap`.
-    fn part(&self, part: N, gap: N) -> Tangent<N> {
+    /// This part of the tangent at `gap`, and of what is pressed slowly that at `rest`.
+    fn part(&self, part: N, gap: N, rest: N) -> Tangent<N> {
         let whole = self.tangent(gap);
-        self.pressed(Tangent {
+        let barrier = Tangent {
             gap: whole.gap,
             force: whole.force * part,
             stiffness: whole.stiffness * part,
-        })
+        };
+        self.pressed(barrier, rest)
     }
 
-    /// This tangent, and that of the pressure at the same gap.
-    fn pressed(&self, tangent: Tangent<N>) -> Tangent<N> {
-        let pressure = self.pressure.tangent(tangent.gap, self.thickness);
+    /// This tangent, and that of the pressure at the same gap; of what is pressed slowly, at the gap `rest`
+    /// and with its friction.
+    fn pressed(&self, tangent: Tangent<N>, rest: N) -> Tangent<N> {
+        let is_slow = self.pressure.is_slow;
+        let (gap, more) = if is_slow { (rest, 1.0 + self.recovery) } else { (tangent.gap, 1.0) };
+        let mut pressure = self.pressure.tangent(gap, self.thickness);
+        pressure.stiffness = pressure.stiffness * more;
         Tangent {
             gap: tangent.gap,
             force: tangent.force + pressure.force_at(tangent.gap),
@@ -145,9 +151,9 @@ impl<N: Real> Barrier<N> {
         }
     }
 
-    /// The tangent at `gap`, whatever is expected.
-    pub(super) fn at(&self, gap: N) -> Tangent<N> {
-        self.pressed(self.tangent(gap.at_most(self.thickness)))
+    /// The tangent at `gap`, whatever is expected of a pair that begins at `start`.
+    pub(super) fn at(&self, gap: N, start: N) -> Tangent<N> {
+        self.pressed(self.tangent(gap.at_most(self.thickness)), start)
     }
 
     /// The force that a pair on its way from `start` to `expected` is expected to bear `[N]`: what stops it
