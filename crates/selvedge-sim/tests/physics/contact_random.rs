@@ -16,7 +16,7 @@ use selvedge_cloth::{
 use selvedge_contact::{Kind, gap, least_gap};
 use selvedge_sim::{Simulator, SimulatorError};
 
-use crate::scenes::{CAMEL, DENIM, GRAY, NAVY, hanging, material};
+use crate::scenes::{CAMEL, DENIM, GRAY, NAVY, hanging, material, numbers};
 
 /// Numbers from a counter, the same on every machine.
 struct Dice(u64);
@@ -261,4 +261,15 @@ fn no_random_scene_of_the_third_twenty_ever_intersects() {
 #[ignore = "takes two hours: two thousand scenes"]
 fn no_scene_of_two_thousand_ever_intersects() {
     no_scene_of(0..2000, FRAMES);
+}
+
+/// Those of `NUMBERS`, so that the two thousand can be run in parts.
+#[test]
+#[ignore = "a part of the two thousand"]
+fn scenes_of_numbers() {
+    for number in numbers() {
+        let mut ends = Ends::default();
+        follow(number as u64, FRAMES, &mut ends);
+        println!("{number}: {ends:?}");
+    }
 }

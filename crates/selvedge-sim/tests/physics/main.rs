@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 mod allocation;
+mod book;
 mod closed_forms;
 mod conformance;
 mod contact;
@@ -23,6 +24,7 @@ mod lies_still;
 mod overstretch;
 mod releases;
 mod rest;
+mod rest_long;
 mod robustness;
 mod round;
 mod scenes;

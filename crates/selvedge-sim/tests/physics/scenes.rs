@@ -225,3 +225,9 @@ pub(crate) fn stretches(mesh: &Mesh, positions: &[DVec3]) -> Vec<[f64; 2]> {
     };
     faces.iter().map(stretch).collect()
 }
+
+/// Numbers of the variable `NUMBERS`, such as `0,4,8`; 0 without it.
+pub(crate) fn numbers() -> Vec<usize> {
+    let listed = std::env::var("NUMBERS").unwrap_or_else(|_| "0".to_owned());
+    listed.split(',').map(|one| one.parse().unwrap()).collect()
+}
