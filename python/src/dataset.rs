@@ -13,7 +13,7 @@ use selvedge_lab::folder::{self, FolderKind};
 use selvedge_lab::generation::{self, Order};
 
 use crate::arrays::natural;
-use crate::errors::{raised, wrong};
+use crate::errors::raised;
 use crate::json;
 use crate::long::beside_reporting;
 use crate::pickling::{self, Call};
@@ -103,16 +103,18 @@ impl Dataset {
         };
         let _claimed = folder::claim_folder(&folder, FolderKind::DataSet).map_err(raised)?;
         let mut writer = DatasetWriter::open(&folder, plan.clone()).map_err(raised)?;
-        for (split, part) in [("train", Part::Train), ("test", Part::Test)] {
+        for part in Part::BOTH {
             for name in plan.motions(part) {
                 if writer.written(part, name).is_some() {
                     continue;
                 }
                 py.check_signals()?;
-                let added = read.call1(py, (split, name.as_str())).and_then(|made| {
-                    let made = made.bind(py).cast::<Trajectory>()?.get();
-                    writer.add(part, name, &made.inner).map_err(raised)
-                });
+                let added = read
+                    .call1(py, (part.name(), name.as_str()))
+                    .and_then(|made| {
+                        let made = made.bind(py).cast::<Trajectory>()?.get();
+                        writer.add(part, name, &made.inner).map_err(raised)
+                    });
                 if let Err(error) = added {
                     writer.withdraw();
                     return Err(error);
@@ -166,7 +168,7 @@ impl Dataset {
     }
 
     fn __repr__(&self) -> String {
-        let counts = [Part::Train, Part::Test].map(|part| self.inner.entries(part).len());
+        let counts = Part::BOTH.map(|part| self.inner.entries(part).len());
         let [train, test] = counts;
         format!(
             "Dataset({:?}, {train} to train on, {test} to test on)",
@@ -210,8 +212,7 @@ impl Split {
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Call<'py>> {
         let inner = Arc::clone(&self.inner);
-        let name = if self.part == Part::Train { "train" } else { "test" };
-        let parts = (Py::new(py, Dataset { inner })?, name).into_pyobject(py)?;
+        let parts = (Py::new(py, Dataset { inner })?, self.part.name()).into_pyobject(py)?;
         Ok((py.import("builtins")?.getattr("getattr")?, parts))
     }
 
@@ -236,16 +237,5 @@ impl Split {
         };
         let read = py.detach(|| self.inner.read(entry)).map_err(raised)?;
         Trajectory::of(py, read)
-    }
-}
-
-/// The split of this name.
-pub(crate) fn split_named(name: &str) -> PyResult<Part> {
-    match name {
-        "train" => Ok(Part::Train),
-        "test" => Ok(Part::Test),
-        _ => Err(wrong(format!(
-            "split must be train or test, found {name:?}"
-        ))),
     }
 }

@@ -7,6 +7,9 @@ use pyo3::exceptions::{PyException, PyValueError};
 use pyo3::prelude::*;
 use selvedge::cause;
 use selvedge_cloth::StepError;
+use serde::Deserialize;
+use serde::de::IntoDeserializer;
+use serde::de::value::Error as WordError;
 
 create_exception!(
     selvedge,
@@ -29,6 +32,12 @@ pub(crate) fn raised(error: impl Into<Box<dyn Error + Send + Sync>>) -> PyErr {
 /// A wrong argument as an exception.
 pub(crate) fn wrong(problem: impl Into<String>) -> PyErr {
     PyValueError::new_err(problem.into())
+}
+
+/// The value of an argument that is one of a few words, as files have them.
+pub(crate) fn word<'w, T: Deserialize<'w>>(argument: &str, word: &'w str) -> PyResult<T> {
+    let read = T::deserialize(word.into_deserializer());
+    read.map_err(|error: WordError| wrong(format!("{argument}: {error}")))
 }
 
 /// A step that failed as an exception with the number of its frame; a body that does not exist is a

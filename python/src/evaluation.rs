@@ -5,19 +5,20 @@ use std::path::PathBuf;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use selvedge::machine::Machine;
+use selvedge_data::Split;
 use selvedge_guard::Correction;
 use selvedge_lab::End;
 use selvedge_lab::evaluation::{
-    Case, Evaluation as Outcome, EvaluationPlan, Horizons, Method, Mover, PhysicsMethod, Run,
-    check, evaluate as measure, summaries,
+    Case, Evaluation as Outcome, EvaluationPlan, Horizons, Method, PhysicsMethod, Run, check,
+    evaluate as measure, summaries,
 };
 use selvedge_lab::folder::{self, FolderKind};
-use selvedge_lab::report::{self, Heading};
+use selvedge_lab::report::{self, Heading, ModelFile};
 use serde_json::Value;
 
 use crate::arrays::natural;
-use crate::dataset::{Data, split_named};
-use crate::errors::{raised, wrong};
+use crate::dataset::Data;
+use crate::errors::{raised, word, wrong};
 use crate::guarding;
 use crate::json as python;
 use crate::long::beside_reporting;
@@ -27,9 +28,8 @@ use crate::model::Model;
 #[pyclass(frozen, module = "selvedge")]
 pub(crate) struct Evaluation {
     outcome: Outcome,
-    split: String,
-    /// Name, file and parameters of each model.
-    models: Vec<Vec<String>>,
+    split: Split,
+    models: Vec<ModelFile>,
     /// False where the progress callback asked to stop: then only the runs until that are here.
     #[pyo3(get)]
     is_complete: bool,
@@ -71,18 +71,8 @@ impl Evaluation {
     fn write_report(&self, py: Python<'_>, folder: PathBuf) -> PyResult<Vec<PathBuf>> {
         py.detach(|| {
             let _claimed = folder::claim_folder(&folder, FolderKind::Evaluation).map_err(raised)?;
-            let mut heading = Heading {
-                title: format!("Evaluation, {} split", self.split),
-                times: vec![format!("Models ran on: {}.", Machine::Cpu.name())],
-                ..Heading::default()
-            };
-            if !self.is_complete {
-                heading.note = "**Interrupted: only the starts until then are here.**".to_owned();
-            }
-            if !self.models.is_empty() {
-                let table = report::table(&["model", "file", "parameters"], &self.models);
-                heading.tables.push(table);
-            }
+            let (split, models) = (Some(self.split), &self.models);
+            let heading = Heading::new(split, models, &Machine::Cpu, self.is_complete);
             report::write(&folder, &heading, &self.outcome).map_err(raised)
         })
     }
@@ -118,25 +108,23 @@ pub(crate) fn evaluate(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Evaluation> {
     let (files, mut methods) = entrants(models, &guards)?;
-    methods.extend(physics.into_iter().map(|substeps| {
-        let integrator = None;
-        Method::physics(PhysicsMethod {
-            integrator,
-            substeps,
-        })
-    }));
+    let physics = physics.into_iter().map(|substeps| PhysicsMethod {
+        integrator: None,
+        substeps,
+    });
+    methods.extend(physics.map(Method::physics));
     for name in &baselines {
         let baseline = Method::baseline(name);
         let unknown = || wrong(format!("baselines: {name:?} is none of rigid, mirror"));
         methods.push(baseline.ok_or_else(unknown)?);
     }
-    let part = split_named(split)?;
+    let split = word("split", split)?;
     let mut cases = Vec::new();
     for folder in data {
         let folder = folder.open(py)?;
         let folder = folder.get().inner.as_ref();
         let name = &folder.index().name;
-        cases.extend(Case::recorded(name, folder, part, &motions).map_err(raised)?);
+        cases.extend(Case::recorded(name, folder, split, &motions).map_err(raised)?);
     }
     let are_asked = horizons.is_some();
     let horizons = horizons.unwrap_or_else(|| Horizons::USUAL.to_vec());
@@ -155,37 +143,32 @@ pub(crate) fn evaluate(
     let (outcome, end) = measured.map_err(raised)?;
     Ok(Evaluation {
         outcome,
-        split: split.to_owned(),
+        split,
         models: files,
         is_complete: end == End::Complete,
     })
 }
 
-type Entrants = (Vec<Vec<String>>, Vec<Method>);
+type Entrants = (Vec<ModelFile>, Vec<Method>);
 
 /// The models by their names, each once for every guard.
 fn entrants(models: &Bound<'_, PyDict>, guards: &[String]) -> PyResult<Entrants> {
     let (mut files, mut methods) = (Vec::new(), Vec::new());
-    let settings: PyResult<Vec<Correction>> =
-        guards.iter().map(|name| guarding::settings(name)).collect();
-    let settings = settings?;
+    let guards = guards.iter().map(|name| guarding::settings(name));
+    let guards = guards.collect::<PyResult<Vec<Correction>>>()?;
     for (name, model) in models.iter() {
         let name: String = name.extract()?;
         if Method::BASELINES.contains(&name.as_str()) {
             return Err(wrong(format!("models: {name} is the name of a baseline")));
         }
         let model = model.cast::<Model>()?.get();
-        let count = model.model.weights().len().to_string();
-        files.push(vec![name.clone(), model.name.clone(), count]);
-        for (guard, settings) in guards.iter().zip(&settings) {
-            methods.push(Method {
-                name: match guards.len() {
-                    1 => name.clone(),
-                    _ => format!("{name} ({guard})"),
-                },
-                mover: Mover::Model(model.model.clone(), *settings, Machine::Cpu),
-            });
-        }
+        let named = Method::guarded(&name, &model.model, &guards, &Machine::Cpu);
+        methods.extend(named);
+        files.push(ModelFile {
+            name,
+            file: PathBuf::from(&model.name),
+            parameters: model.model.weights().len(),
+        });
     }
     Ok((files, methods))
 }

@@ -10,12 +10,10 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use selvedge_data::write_atomically;
 use selvedge_lab::assets;
-use selvedge_model::{
-    Model as Trained, ModelSpec, Network, Normalizer, Normalizers, Parameter, WeightType,
-};
+use selvedge_model::{Model as Trained, ModelSpec, Network, Normalizer, Normalizers, Parameter};
 
 use crate::arrays::{self, Numbers};
-use crate::errors::{raised, wrong};
+use crate::errors::{raised, word, wrong};
 use crate::json;
 use crate::pickling::{self, Call};
 
@@ -163,16 +161,7 @@ impl Model {
 
 impl Model {
     fn bytes_as(&self, weights: &str) -> PyResult<Vec<u8>> {
-        let weights = match weights {
-            "f32" => WeightType::F32,
-            "f16" => WeightType::F16,
-            "bf16" => WeightType::Bf16,
-            _ => {
-                return Err(wrong(format!(
-                    "weights must be f32, f16 or bf16, found {weights:?}"
-                )));
-            }
-        };
+        let weights = word("weights", weights)?;
         self.model.to_bytes_as(weights).map_err(raised)
     }
 }

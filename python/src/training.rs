@@ -20,12 +20,8 @@ use crate::model::Model;
 
 /// The wishes for a training.
 struct Asked<'a> {
-    /// Name or file of the configuration, for messages.
-    origin: &'a str,
-    text: String,
-    settings: Vec<Setting>,
+    cfg: TrainConfig,
     out: &'a Path,
-    steps: Option<u64>,
     resume: bool,
     from: Option<Start>,
     micro_batch: usize,
@@ -90,17 +86,10 @@ pub(crate) fn train<'py>(
     }
     let (config, data) = (config.to_string_lossy(), data.open(py)?);
     let (config, data) = (&*config, data.get());
-    let text = match assets::training(config) {
-        Some(text) => text.to_owned(),
-        None => selvedge_data::read_text(Path::new(config))
-            .map_err(|error| wrong(format!("{config}: {error}")))?,
-    };
+    let settings = settings_of(settings)?;
     let asked = Asked {
-        origin: config,
-        text,
-        settings: settings_of(settings)?,
+        cfg: training::config(config, &settings, steps).map_err(raised)?,
         out: &out,
-        steps,
         resume,
         from: start_from,
         micro_batch,
@@ -184,15 +173,10 @@ fn learn(
     hear: &dyn Fn(&StepReport) -> ControlFlow<()>,
     reporter: &mut Progress<'_>,
 ) -> PyResult<Done> {
-    let origin = Path::new(asked.origin);
-    let mut cfg = TrainConfig::parse_with(&asked.text, origin, &asked.settings).map_err(raised)?;
-    if let Some(steps) = asked.steps {
-        cfg.steps = steps;
-    }
-    let steps = cfg.steps;
+    let steps = asked.cfg.steps;
     let _claimed = folder::claim_folder(asked.out, FolderKind::Training).map_err(raised)?;
     let checkpoint = check_folder(asked)?;
-    let Some(mut trainer) = begin(asked, cfg, data, &checkpoint, reporter)? else {
+    let Some(mut trainer) = begin(asked, data, &checkpoint, reporter)? else {
         return Ok(Done {
             end: RunEnd::Stopped,
             steps_done: 0,
@@ -218,27 +202,22 @@ fn learn(
 /// The training, or none where an end was asked for.
 fn begin(
     asked: &Asked<'_>,
-    cfg: TrainConfig,
     data: &Dataset,
     checkpoint: &Path,
     reporter: &mut Progress<'_>,
 ) -> PyResult<Option<Trainer>> {
     let data = &data.inner;
     let engine = machine::engine(&Machine::Cpu, asked.micro_batch);
-    let mut trainer = match (&asked.from, asked.resume) {
-        (_, true) => Some(Trainer::resume(cfg, data, checkpoint, &*engine).map_err(raised)?),
-        (Some(from), false) => {
-            let model = from.model()?;
-            let from = Some(&*model.model);
-            training::begin(from, cfg, data, &*engine, &mut |event| {
-                reporter.on_event(event)
-            })
-            .map_err(raised)?
-        }
-        (None, false) => training::begin(None, cfg, data, &*engine, &mut |event| {
+    let cfg = asked.cfg.clone();
+    let mut trainer = if asked.resume {
+        Some(Trainer::resume(cfg, data, checkpoint, &*engine).map_err(raised)?)
+    } else {
+        let from = asked.from.as_ref().map(Start::model).transpose()?;
+        let from = from.as_ref().map(|from| &*from.model);
+        let begun = training::begin(from, cfg, data, &*engine, &mut |event| {
             reporter.on_event(event)
-        })
-        .map_err(raised)?,
+        });
+        begun.map_err(raised)?
     };
     if let Some(trainer) = &mut trainer {
         training::with_expert(trainer, data).map_err(raised)?;

@@ -9,12 +9,12 @@ use pyo3::prelude::*;
 use selvedge_cloth::Drape;
 use selvedge_data::Trajectory as Recorded;
 use selvedge_data::foreign::{TrajectoryParts, Weight};
-use selvedge_data::{UpAxis, write_atomically};
+use selvedge_data::write_atomically;
 use selvedge_lab::physics;
 use selvedge_lab::pictures::{self, Show};
 
 use crate::arrays::{self, Numbers, natural};
-use crate::errors::{raised, wrong};
+use crate::errors::{raised, word, wrong};
 use crate::exporting;
 use crate::json;
 use crate::long::beside_reporting;
@@ -220,14 +220,7 @@ impl Trajectory {
         up: &str,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<()> {
-        let up = match up {
-            "z" => UpAxis::Z,
-            "y" => UpAxis::Y,
-            _ => {
-                return Err(wrong(format!("up must be y or z, found {up:?}")));
-            }
-        };
-        let options = exporting::options(&path, frames, every, up)?;
+        let options = exporting::options(&path, frames, every, word("up", up)?)?;
         exporting::export_to(py, &self.inner, &path, &options, progress)
     }
 

@@ -1,6 +1,6 @@
 //! The network on a GPU of any vendor: a second engine beside `selvedge_model`'s, for the same
-//! weights and the same files. [`rollout::GpuStepper`] moves one cloth as any `Stepper` does,
-//! [`rollout::Rollout`] several at once, and [`training::OnGpu`] makes the engine of a training.
+//! weights and the same files. [`rollout::OnGpu`] is the network of a `LearnedStepper`, and
+//! [`training::OnGpu`] makes the engine of a training.
 //!
 //! `wgpu` reaches the GPU by Vulkan, Metal or Direct3D 12; the kernels are WGSL, in the folder
 //! `kernels`. A driver that calculates on the processor, Mesa's lavapipe, is a GPU too: the tests

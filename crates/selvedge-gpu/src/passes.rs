@@ -117,7 +117,7 @@ impl Passes {
             },
             None => Purpose {
                 what: "this rollout",
-                remedy: "take fewer cloths at a time, a coarser mesh or a smaller model",
+                remedy: "take a coarser mesh or a smaller model",
             },
         };
         let before = before.map(|before| (&before.memory, lasting));

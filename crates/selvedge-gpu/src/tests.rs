@@ -9,7 +9,7 @@ use selvedge_model::{
 };
 
 use crate::gpu::Gpu;
-use crate::passes::{Passes, Training};
+use crate::passes::{Passes, Training, side_by_side};
 use crate::test_graphs::{gpu, numbers, specs, squares, weights};
 
 #[path = "../../selvedge-model/tests/model/reference.rs"]
@@ -123,6 +123,28 @@ fn the_forward_pass_is_that_of_the_processor_and_of_the_equations() {
         }
     }
     eprintln!("forward: {worst:.1e} off at most");
+}
+
+#[test]
+fn cloths_in_a_union_give_what_each_gives_alone_to_the_last_bit() {
+    let Some(gpu) = gpu() else { return };
+    let spec = ModelSpec::physical(Encoder::Gru { window: 2 }, 12, 2);
+    let counts: Vec<usize> = (0..16).map(|n| 9 + 7 * (n % 5)).collect();
+    let features = |given: &Given, seed| Window {
+        nodes: numbers(given.nodes.len(), 1.5, seed),
+        arcs: numbers(given.arcs.len(), 1.5, seed + 1),
+    };
+    let alone = counts.iter().enumerate().map(|(cloth, &count)| {
+        let given = Given::new(&spec, &[count]);
+        let window = features(&given, 2 * cloth as u64);
+        let output = given.passes(&gpu, None).forward(0, &window, &[]);
+        (window, output.expect("a pass"))
+    });
+    let (windows, outputs): (Vec<Window>, Vec<Vec<f32>>) = alone.unzip();
+    let union = side_by_side(&spec, &windows.iter().collect::<Vec<_>>());
+    let mut all = Given::new(&spec, &counts).passes(&gpu, None);
+    let found = all.forward(0, &union, &[]).expect("a pass");
+    assert_eq!(found, outputs.concat());
 }
 
 #[test]

@@ -1,12 +1,35 @@
 //! The beginning of a training, which may be stopped.
 
-use anyhow::Result;
+use std::path::Path;
+
+use anyhow::{Result, anyhow, bail};
 use selvedge_data::Dataset;
 use selvedge_model::Model;
-use selvedge_train::{EngineMaker, Labels, TrainConfig, Trainer};
+use selvedge_train::{EngineMaker, Labels, Setting, TrainConfig, Trainer};
 
+use crate::assets;
 use crate::event::{OnEvent, Reporter};
 use crate::expert::PhysicsExpert;
+
+/// The configuration that is called `name`, a shipped one or a file, with the changes of `settings`
+/// and, where they are given, so many `steps`.
+pub fn config(name: &str, settings: &[Setting], steps: Option<u64>) -> Result<TrainConfig> {
+    let text = match assets::training(name) {
+        Some(text) => text.to_owned(),
+        None if !Path::new(name).exists() => {
+            let known: Vec<&str> = assets::TRAININGS.iter().map(|entry| entry.0).collect();
+            bail!(
+                "{name}: is neither a file nor a shipped configuration; shipped are {}",
+                known.join(", ")
+            )
+        }
+        None => selvedge_data::read_text(Path::new(name))
+            .map_err(|error| anyhow!("cannot read {name}: {error}"))?,
+    };
+    let mut cfg = TrainConfig::parse_with(&text, name.as_ref(), settings)?;
+    cfg.steps = steps.unwrap_or(cfg.steps);
+    Ok(cfg)
+}
 
 /// Says which weights begin with random numbers although the training began with a model.
 fn say_what_is_fresh(trainer: &Trainer) {

@@ -101,7 +101,7 @@ pub use network::parameters::{Parameter, Start};
 pub use network::workspace::Workspace;
 pub use network::{Gradients, Input, InputGradient, Network, NetworkScalar, Pass, Stopped};
 pub use rollout::{
-    LearnedStepper, LocalAcceleration, MODEL_FORMAT, Model, ModelFileError, NonFinite, Normalizers,
-    RolloutError, RolloutState, TwoFrames, WeightType, advance, advance_backward,
+    Inference, LearnedStepper, LocalAcceleration, MODEL_FORMAT, Model, ModelFileError, NonFinite,
+    Normalizers, OnProcessor, RolloutError, TwoFrames, WeightType, advance, advance_backward,
 };
 pub use spec::{EdgeFeature, Encoder, Integration, ModelSpec, NodeFeature, OUTPUTS, SpecError};

@@ -12,7 +12,7 @@ use selvedge_cloth::Correctable;
 #[cfg(feature = "gpu")]
 use selvedge_gpu::gpu::Gpu;
 #[cfg(feature = "gpu")]
-use selvedge_gpu::rollout::GpuStepper;
+use selvedge_gpu::rollout::OnGpu;
 use selvedge_model::{ClothGraph, LearnedStepper, Model};
 
 use crate::Error;
@@ -121,17 +121,18 @@ impl Machine {
         graph: ClothGraph,
         start: &[&[Vec3]],
     ) -> Result<Mover, Error> {
-        let model = Arc::clone(model);
-        let started: Result<Mover, Box<dyn std::error::Error + Send + Sync>> = match self {
-            Self::Cpu => LearnedStepper::new(model, graph, start)
-                .map(|stepper| Box::new(stepper) as Mover)
-                .map_err(Into::into),
-            #[cfg(feature = "gpu")]
-            Self::Gpu(gpu) => GpuStepper::new(gpu, model, graph, start)
-                .map(|stepper| Box::new(stepper) as Mover)
-                .map_err(Into::into),
+        let start = || -> Result<Mover, Box<dyn std::error::Error + Send + Sync>> {
+            let model = Arc::clone(model);
+            Ok(match self {
+                Self::Cpu => Box::new(LearnedStepper::new(model, graph, start)?),
+                #[cfg(feature = "gpu")]
+                Self::Gpu(gpu) => {
+                    let network = OnGpu::new(gpu, &model, graph.connectivity())?;
+                    Box::new(LearnedStepper::on(network, model, graph, start)?)
+                }
+            })
         };
-        started.map_err(|error| Error::network("the first frame of the model", error))
+        start().map_err(|error| Error::network("the first frame of the model", error))
     }
 
     /// The name for people.

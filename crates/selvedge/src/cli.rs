@@ -14,10 +14,14 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 use selvedge_cluster::Shard;
 use selvedge_lab::span;
+use selvedge_model::WeightType;
 use selvedge_train::Setting;
+use serde::de::value::Error;
+use serde::de::{DeserializeOwned, IntoDeserializer};
 
 pub(crate) use self::device::DeviceArgs;
 pub(crate) use self::drape::{DrapeCommand, DrapeFitArgs, DrapeTestArgs, DrapedArgs};
@@ -25,7 +29,7 @@ pub(crate) use self::eval::EvalArgs;
 pub(crate) use self::export::{ExportArgs, FormatName};
 pub(crate) use self::fit::FitArgs;
 pub(crate) use self::run::{RunArgs, StartChoice};
-pub(crate) use self::view::{Shown, ViewArgs};
+pub(crate) use self::view::ViewArgs;
 use crate::output::Reader;
 
 /// Cloth simulation: an implicit solver with contact, and graph networks trained on it.
@@ -290,20 +294,19 @@ pub(crate) struct ConvertArgs {
     pub(crate) model: PathBuf,
     /// f16 keeps 11 bits of each weight and refuses those above 65504; bf16 keeps 8 bits of any;
     /// f32 widens them again.
-    #[arg(long, value_enum)]
-    pub(crate) weights: WeightsName,
+    #[arg(long, value_parser = word::<WeightType>([("f32", "IEEE single precision"), ("f16", "IEEE half precision"), ("bf16", "The upper half of single precision")]))]
+    pub(crate) weights: WeightType,
     /// The file to write (.safetensors).
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: PathBuf,
 }
 
-/// A number format of weights.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum WeightsName {
-    /// IEEE single precision.
-    F32,
-    /// IEEE half precision.
-    F16,
-    /// The upper half of single precision.
-    Bf16,
+/// The parser of one of these words, each with its meaning; files have the same words for a `T`.
+fn word<T: DeserializeOwned + Clone + Send + Sync + 'static>(
+    words: impl IntoIterator<Item = (&'static str, &'static str)>,
+) -> impl TypedValueParser<Value = T> {
+    let words = words.into_iter();
+    let words = words.map(|(word, meaning)| PossibleValue::new(word).help(meaning));
+    PossibleValuesParser::new(words)
+        .try_map(|word| T::deserialize(word.into_deserializer()) as Result<T, Error>)
 }

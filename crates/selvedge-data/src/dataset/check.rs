@@ -24,12 +24,7 @@ pub(super) fn check(folder: &Path, index: &DatasetIndex) -> Result<(), String> {
 
 /// File of the trajectory of a motion, relative to the folder.
 pub(crate) fn file_of(split: Split, motion: &str) -> String {
-    format!("{}/{motion}.safetensors", folder_of(split))
-}
-
-/// Folder of the trajectories of a split, relative to that of the data set.
-pub(crate) fn folder_of(split: Split) -> &'static str {
-    split.of("train", "test")
+    format!("{}/{motion}.safetensors", split.name())
 }
 
 /// The problem of a motion.

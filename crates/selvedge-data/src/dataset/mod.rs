@@ -121,6 +121,11 @@ impl Split {
     /// Both parts, in order.
     pub const BOTH: [Self; 2] = [Self::Train, Self::Test];
 
+    /// Its name, and that of its folder.
+    pub fn name(self) -> &'static str {
+        self.of("train", "test")
+    }
+
     /// The one of two that is of this part.
     pub(crate) fn of<T>(self, train: T, test: T) -> T {
         match self {

@@ -7,7 +7,7 @@
 //! A part of a data set is such a folder that is never finished: its plan is that of the whole, and
 //! it is to have the trajectories of one shard. `merge` makes parts one.
 
-use crate::dataset::check::{file_of, folder_of, of_motion};
+use crate::dataset::check::{file_of, of_motion};
 use crate::dataset::plan::{DatasetPlan, sections};
 use crate::dataset::sections::Section;
 use crate::dataset::{
@@ -215,7 +215,7 @@ impl DatasetWriter {
         }
         // What cannot be taken away is only untidy.
         let emptied = Split::BOTH.map(|split| {
-            let folder = self.folder.join(folder_of(split));
+            let folder = self.folder.join(split.name());
             std::fs::remove_dir(folder).is_ok()
         });
         // Files that are in no list would be nobody's, and in the way, without a plan or an index.
@@ -246,7 +246,7 @@ impl DatasetWriter {
 
     /// Without an index, what is in the folders is not ours to replace.
     fn check_empty(&self) -> Result<(), Problem> {
-        for name in Split::BOTH.map(folder_of) {
+        for name in Split::BOTH.map(Split::name) {
             let inner = std::fs::read_dir(self.folder.join(name));
             if inner.is_ok_and(|mut files| files.next().is_some()) {
                 let problem = format!("has files in {name}/ but no index: choose an empty folder");
@@ -257,7 +257,7 @@ impl DatasetWriter {
     }
 
     fn make_folders(&self) -> Result<(), Problem> {
-        for name in Split::BOTH.map(folder_of) {
+        for name in Split::BOTH.map(Split::name) {
             std::fs::create_dir_all(self.folder.join(name))
                 .map_err(|error| self.folder_error(format!("could not be made: {error}")))?;
         }

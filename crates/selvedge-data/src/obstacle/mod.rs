@@ -2,8 +2,8 @@
 //! and kept with every result ([`ObstacleSpec`]), and the readers of bodies and of their motions.
 //!
 //! A body is a mesh from a file, one that is shipped, or a simple one made here. It is still, moves
-//! by keyframes or with a node of a rig, or its points move as a file says: a sequence of .obj, a
-//! .pc2, an .npz, a .usda with samples, a .glb with morph targets and skins.
+//! by keyframes or with a node of a rig, or its points move as a file says: a .pc2,
+//! an .npz, a .usda with samples, a .glb with morph targets and skins.
 
 mod body;
 mod motion;

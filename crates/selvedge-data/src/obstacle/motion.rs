@@ -12,8 +12,7 @@ use selvedge_cloth::{
 use serde::{Deserialize, Serialize};
 
 use super::body::BodySpec;
-use super::read::{self, Frames, Kind, Sequence, moving_points};
-use crate::formats::input::check_hash;
+use super::read::{self, Frames, Kind, moving_points};
 use crate::rig::Rig;
 
 /// Longest motion by keyframes `[s]`, as of handles.
@@ -66,16 +65,13 @@ pub struct NodeFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FramesFile {
-    /// Path of the file, or pattern of the files, relative to the scene's folder.
+    /// Path of the file, relative to the scene's folder.
     pub path: String,
-    /// BLAKE3 hash of its bytes in hexadecimal; of the hashes of all files of a sequence.
+    /// BLAKE3 hash of its bytes in hexadecimal.
     pub blake3: String,
     /// Frames per second of a file that does not say it; the scene's where none are given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rate: Option<f64>,
-    /// Number of the first file of a sequence; 0 or 1 where none is given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub first: Option<usize>,
     /// Name of the animation in a .glb that has several.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub animation: Option<String>,
@@ -152,18 +148,9 @@ impl FramesFile {
         }
         let rate = self.rate.unwrap_or(frame_rate);
         let within = |problem: String| wrong(format!("{}: {problem}", self.path));
-        if let Some(sequence) = Sequence::of(&self.path)? {
-            let (frames, found) = sequence.read(self.first, folder)?;
-            check_hash(&self.path, &self.blake3, &found).map_err(wrong)?;
-            let frames = read::later(frames, self.from, rate).map_err(within)?;
-            return Ok((rate, frames));
-        }
         let has_times = matches!(Kind::of(&self.path), Some(Kind::Rig(_)));
         if has_times && self.rate.is_some() {
             return Err(within("it has times, leave rate out".to_owned()));
-        }
-        if self.first.is_some() {
-            return Err(within("first is for a sequence of files".to_owned()));
         }
         let bytes = read::unchanged("motion", &self.path, &self.blake3, folder)?;
         let animation = self.animation.as_deref();

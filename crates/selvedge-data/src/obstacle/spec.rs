@@ -90,7 +90,7 @@ impl Placement {
 }
 
 impl ObstacleSpec {
-    /// The files that stay references; sequences are named by their pattern.
+    /// The files that stay references.
     pub(crate) fn files(&self, folder: &Path) -> Vec<PathBuf> {
         let own = self.body.file().into_iter().chain(self.motion.file());
         own.map(|file| folder.join(file)).collect()

@@ -8,7 +8,7 @@ use serde::Deserialize;
 
 use super::body::{BodySpec, Cuboid, Plane, Sphere, Tube, problem_of};
 use super::motion::{FramesFile, NodeFile, ObstacleKeyframes, ObstacleMotion, wrong};
-use super::read::{self, Sequence};
+use super::read;
 use super::spec::{ObstacleSpec, Placement};
 use crate::formats::file_error::Problem;
 use crate::formats::input::hash;
@@ -53,7 +53,6 @@ struct MotionTable {
     node: Option<String>,
     animation: Option<String>,
     rate: Option<f64>,
-    first: Option<usize>,
     #[serde(default)]
     from: f64,
 }
@@ -108,10 +107,7 @@ impl ObstacleFile {
 
 impl MotionTable {
     fn resolve(self, body: &BodySpec, folder: &Path) -> Result<ObstacleMotion, String> {
-        let of_points = self.rate.is_some()
-            || self.first.is_some()
-            || self.from != 0.0
-            || self.animation.is_some();
+        let of_points = self.rate.is_some() || self.from != 0.0 || self.animation.is_some();
         if let Some(keyframes) = self.keyframes {
             if of_points || self.file.is_some() || self.node.is_some() {
                 return Err(wrong("has keyframes and a file: keep one"));
@@ -130,7 +126,7 @@ impl MotionTable {
                 return Err(wrong("names a node but no file that has it"));
             };
             if of_points {
-                let problem = "follows a node: rate, first, from and animation are for points";
+                let problem = "follows a node: rate, from and animation are for points";
                 return Err(wrong(problem));
             }
             let blake3 = hash(&read::bytes_of("motion", &path, folder)?);
@@ -145,15 +141,10 @@ impl MotionTable {
             let problem = "needs keyframes, a file, or an animation of the mesh's own file";
             return Err(wrong(problem));
         };
-        let blake3 = match Sequence::of(&path)? {
-            Some(sequence) => sequence.read(self.first, folder)?.1,
-            None => hash(&read::bytes_of("motion", &path, folder)?),
-        };
         Ok(ObstacleMotion::Points(FramesFile {
+            blake3: hash(&read::bytes_of("motion", &path, folder)?),
             path,
-            blake3,
             rate: self.rate,
-            first: self.first,
             animation: self.animation,
             from: self.from,
         }))

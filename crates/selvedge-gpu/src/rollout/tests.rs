@@ -1,9 +1,9 @@
 //! Rollouts on a GPU against those of the processor.
 
 use crate::conformance::{HandlesEnd, check_correctable};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use selvedge_cloth::{Correctable, HandleTargets, StepError, Stepper};
-use selvedge_model::{Encoder, LearnedStepper, ModelSpec, Yaw};
+use selvedge_model::{Encoder, LearnedStepper, ModelSpec, RolloutError, Yaw};
 
 use super::*;
 use crate::test_graphs::{cloth, full_specs, gpu, model, shaken};
@@ -26,8 +26,20 @@ fn farthest(a: &[Vec3], b: &[Vec3]) -> f32 {
     pairs.map(|(p, q)| p.distance(*q)).fold(0.0, f32::max)
 }
 
+type GpuStepper = LearnedStepper<OnGpu>;
+
+fn started(
+    gpu: &Arc<Gpu>,
+    model: &Arc<Model>,
+    graph: ClothGraph,
+    start: &[&[Vec3]],
+) -> Result<GpuStepper, RolloutError> {
+    let network = OnGpu::new(gpu, model, graph.connectivity()).expect("room");
+    LearnedStepper::on(network, Arc::clone(model), graph, start)
+}
+
 fn on_gpu(gpu: &Arc<Gpu>, model: &Arc<Model>, graph: ClothGraph, start: &[&[Vec3]]) -> GpuStepper {
-    GpuStepper::new(gpu, Arc::clone(model), graph, start).expect("a stepper")
+    started(gpu, model, graph, start).expect("a stepper")
 }
 
 #[test]
@@ -55,40 +67,6 @@ fn a_rollout_is_that_of_the_processor() {
             farthest(device.positions(), graph.cloth().rest_positions()) > 0.03,
             "it moves"
         );
-    }
-}
-
-#[test]
-fn sixteen_cloths_move_as_each_alone_to_the_last_bit() {
-    let Some(gpu) = gpu() else { return };
-    let spec = ModelSpec::physical(Encoder::Gru { window: 2 }, 12, 2);
-    let model = Arc::new(model(&spec, 1e-3, 7));
-    let graphs: Vec<ClothGraph> = (0..16).map(|n| cloth(3 + n % 5, n as u64)).collect();
-    let starts: Vec<Vec<Vec3>> = graphs
-        .iter()
-        .map(|graph| shaken(graph.cloth().rest_positions(), 0.003, 4))
-        .collect();
-    let starts: Vec<[&[Vec3]; 1]> = starts.iter().map(|start| [&**start]).collect();
-    let openings = graphs.iter().zip(&starts).map(|(graph, start)| Opening {
-        graph: graph.clone(),
-        start,
-    });
-    let mut all = Rollout::new(&gpu, Arc::clone(&model), openings.collect()).expect("cloths");
-    let mut alone: Vec<GpuStepper> = graphs
-        .iter()
-        .zip(&starts)
-        .map(|(graph, start)| on_gpu(&gpu, &model, graph.clone(), start))
-        .collect();
-    for frame in 1..=4 {
-        let goals = graphs.iter().map(|graph| handle_targets(graph, frame));
-        let goals: Vec<HandleTargets> = goals.collect();
-        all.step(&goals.iter().collect::<Vec<_>>())
-            .expect("a frame");
-        for (number, stepper) in alone.iter_mut().enumerate() {
-            stepper.step(&goals[number]).expect("a frame");
-            let found = all.cloth(number).positions();
-            assert_eq!(found, stepper.positions(), "cloth {number}");
-        }
     }
 }
 
@@ -232,22 +210,14 @@ fn a_hundred_frames_stay_within_a_tenth_of_a_millimetre() {
 }
 
 #[test]
-fn a_start_that_does_not_fit_is_an_error_of_its_cloth() {
+fn a_start_that_does_not_fit_is_an_error() {
     let Some(gpu) = gpu() else { return };
     let spec = ModelSpec::physical(Encoder::MLP, 8, 1);
     let (graph, model) = (cloth(4, 1), Arc::new(model(&spec, 1e-3, 7)));
-    let none = Rollout::new(&gpu, Arc::clone(&model), Vec::new());
-    assert!(matches!(none.err(), Some(OpeningError::NoCloth)));
     let fitting = graph.cloth().rest_positions().to_vec();
-    let openings = [&fitting[..], &fitting[1..]].map(|frame| vec![frame]);
-    let openings = openings.iter().map(|start| Opening {
-        graph: graph.clone(),
-        start,
-    });
-    let refused = Rollout::new(&gpu, model, openings.collect());
-    let found = refused.err().map(|error| error.to_string());
-    let expected = "cloth 1: the start has 15 positions in a frame, the cloth has 16 vertices";
-    assert_eq!(found.as_deref(), Some(expected));
+    let refused = started(&gpu, &model, graph, &[&fitting[1..]]);
+    let (expected, found) = (16, 15);
+    assert_eq!(refused.err(), Some(RolloutError::Count { expected, found }));
 }
 
 /// The energy of such a velocity is beyond the largest number of 32 bits, while the positions of

@@ -74,6 +74,22 @@ impl Method {
         Some(Self { name, mover })
     }
 
+    /// A model, once for every guard; the name says which, where there are several.
+    pub fn guarded(
+        name: &str,
+        model: &Arc<Model>,
+        guards: &[Correction],
+        machine: &Machine,
+    ) -> impl Iterator<Item = Self> {
+        guards.iter().map(move |guard| Self {
+            name: match guards.len() {
+                1 => name.to_owned(),
+                _ => format!("{name} ({})", guard.name()),
+            },
+            mover: Mover::Model(Arc::clone(model), *guard, machine.clone()),
+        })
+    }
+
     /// The physics.
     pub fn physics(physics: PhysicsMethod) -> Self {
         Self {

@@ -13,7 +13,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use selvedge_data::write_atomically;
+use selvedge_data::{Split, write_atomically};
+use serde::Serialize;
 
 pub(crate) use self::numbers::csv_of;
 pub use self::numbers::{errors_csv, write_errors};
@@ -22,6 +23,7 @@ pub use self::training::training_log;
 
 use crate::evaluation::{Evaluation, Run, Summary, own_errors, summaries};
 use crate::folder::{self, ERRORS};
+use crate::machine::Machine;
 
 /// The tables that every report has.
 pub const TABLES: [&str; 2] = [ERRORS, "times.csv"];
@@ -39,6 +41,49 @@ pub struct Heading {
     pub reference_order: Option<u32>,
     /// Lines above the times.
     pub times: Vec<String>,
+}
+
+/// A model that was measured.
+#[derive(Clone, Debug, Serialize)]
+pub struct ModelFile {
+    /// Its name in tables.
+    pub name: String,
+    /// Its file.
+    pub file: PathBuf,
+    /// The number of its weights.
+    pub parameters: usize,
+}
+
+impl Heading {
+    /// The heading of an evaluation of `models` on `machine`, on a split of data sets or on what
+    /// has none; complete, or interrupted.
+    pub fn new(
+        split: Option<Split>,
+        models: &[ModelFile],
+        machine: &Machine,
+        is_complete: bool,
+    ) -> Self {
+        let title = split.map_or_else(String::new, |split| format!(", {} split", split.name()));
+        let mut heading = Self {
+            title: format!("Evaluation{title}"),
+            times: vec![format!("Models ran on: {}.", machine.name())],
+            ..Self::default()
+        };
+        if !is_complete {
+            heading.note = "**Interrupted: only the starts until then are here.**".to_owned();
+        }
+        let cells = |model: &ModelFile| {
+            let file = model.file.display().to_string();
+            vec![model.name.clone(), file, model.parameters.to_string()]
+        };
+        let rows: Vec<_> = models.iter().map(cells).collect();
+        if !rows.is_empty() {
+            heading
+                .tables
+                .push(table(&["model", "file", "parameters"], &rows));
+        }
+        heading
+    }
 }
 
 /// Writes the report of an evaluation into `folder`, each file whole or not at all and the page

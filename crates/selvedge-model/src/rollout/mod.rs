@@ -11,5 +11,5 @@ mod stepper;
 pub use advance::{LocalAcceleration, NonFinite, TwoFrames, advance, advance_backward};
 pub use model::{Model, Normalizers};
 pub use model_file::{MODEL_FORMAT, ModelFileError, WeightType};
-pub use state::{RolloutError, RolloutState};
-pub use stepper::LearnedStepper;
+pub use state::RolloutError;
+pub use stepper::{Inference, LearnedStepper, OnProcessor};

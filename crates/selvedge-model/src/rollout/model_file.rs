@@ -8,6 +8,7 @@ use std::collections::BTreeSet;
 
 use half::{bf16, f16};
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
+use serde::Deserialize;
 use thiserror::Error;
 
 use crate::domain::Domain;
@@ -41,7 +42,8 @@ fn invalid(problem: String) -> ModelFileError {
 }
 
 /// Number type of the weights in a model file.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum WeightType {
     /// `f32`, exact.
     #[default]

@@ -1,5 +1,4 @@
-//! A cloth in a rollout: the frames that its model looks at, and how a step goes on from them. Every
-//! engine that runs the network, on the processor or a GPU, moves cloths by this state.
+//! A cloth in a rollout: the frames that its model looks at, and how a step goes on from them.
 
 use glam::Vec3;
 use selvedge_cloth::{HandleTargets, Snapshot, StepError, VertexId};
@@ -17,7 +16,7 @@ use crate::spec::ModelSpec;
 /// A step has three parts, of which the last cannot fail: [`Self::begin_step`], the network on
 /// [`Self::features`], [`Self::predict`], then [`Self::accept`]. A step that ends before it is
 /// accepted leaves the cloth as it was.
-pub struct RolloutState {
+pub(super) struct RolloutState {
     graph: ClothGraph,
     /// Positions of the frames before the window and of each frame of it, oldest first; the
     /// oldest buffer receives the next frame.
@@ -82,7 +81,7 @@ impl RolloutState {
     /// # Errors
     /// [`RolloutError`] when there is no frame, or one that does not fit the cloth, or the model
     /// needs fabrics that are not known.
-    pub fn new(
+    pub(super) fn new(
         spec: &ModelSpec,
         graph: ClothGraph,
         start: &[&[Vec3]],
@@ -103,22 +102,22 @@ impl RolloutState {
     }
 
     /// The cloth.
-    pub fn graph(&self) -> &ClothGraph {
+    pub(super) fn graph(&self) -> &ClothGraph {
         &self.graph
     }
 
     /// Positions of the newest frame `[m]`, `[vertices]`.
-    pub fn positions(&self) -> &[Vec3] {
+    pub(super) fn positions(&self) -> &[Vec3] {
         &self.history[self.history.len() - 1]
     }
 
     /// Frames done.
-    pub fn frame(&self) -> usize {
+    pub(super) fn frame(&self) -> usize {
         self.frame
     }
 
     /// The normalised features of the step that has begun.
-    pub fn features(&self) -> &Window {
+    pub(super) fn features(&self) -> &Window {
         &self.features
     }
 
@@ -138,7 +137,11 @@ impl RolloutState {
     ///
     /// # Errors
     /// [`StepError::NonFinite`] for a feature that is not finite.
-    pub fn begin_step(&mut self, model: &Model, targets: &HandleTargets) -> Result<(), StepError> {
+    pub(super) fn begin_step(
+        &mut self,
+        model: &Model,
+        targets: &HandleTargets,
+    ) -> Result<(), StepError> {
         // `next` is about to be overwritten.
         self.yaw_before = None;
         self.graph.hold(|handle| targets.holds(handle));
@@ -168,7 +171,7 @@ impl RolloutState {
     ///
     /// # Errors
     /// [`StepError::NonFinite`] for a position that is not finite.
-    pub fn predict(&mut self, model: &Model, output: &[f32]) -> Result<(), StepError> {
+    pub(super) fn predict(&mut self, model: &Model, output: &[f32]) -> Result<(), StepError> {
         self.acceleration.clear();
         self.acceleration.extend_from_slice(output);
         let normalizer = &model.normalizers().acceleration;
@@ -188,7 +191,7 @@ impl RolloutState {
     }
 
     /// Takes the predicted frame as the newest.
-    pub fn accept(&mut self) {
+    pub(super) fn accept(&mut self) {
         self.take_next();
         self.yaw_before = Some(std::mem::replace(&mut self.yaw, self.yaw_of_step));
     }
@@ -208,7 +211,7 @@ impl RolloutState {
     ///
     /// # Panics
     /// When there are not as many positions as vertices.
-    pub fn replace_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
+    pub(super) fn replace_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
         self.check(self.frame, positions)?;
         let newest = self.history.len() - 1;
         self.history[newest].copy_from_slice(positions);
@@ -222,7 +225,7 @@ impl RolloutState {
     ///
     /// # Panics
     /// As [`Self::replace_frame`].
-    pub fn take_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
+    pub(super) fn take_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
         self.check(self.frame + 1, positions)?;
         self.yaw = self.yaw_now();
         self.yaw_before = None;
@@ -232,7 +235,7 @@ impl RolloutState {
     }
 
     /// As `Correctable::undo_step` of `selvedge-cloth`.
-    pub fn undo_step(&mut self) {
+    pub(super) fn undo_step(&mut self) {
         let Some(yaw) = self.yaw_before.take() else {
             return;
         };
@@ -244,7 +247,7 @@ impl RolloutState {
     }
 
     /// As `Stepper::snapshot` of `selvedge-cloth`.
-    pub fn snapshot(&self) -> Snapshot {
+    pub(super) fn snapshot(&self) -> Snapshot {
         let kept: Kept = (self.history.clone(), self.yaw, self.frame);
         Snapshot::of(kept)
     }
@@ -253,7 +256,7 @@ impl RolloutState {
     ///
     /// # Errors
     /// [`StepError`] for what is no snapshot of this cloth.
-    pub fn rewind(&mut self, snapshot: &Snapshot) -> Result<(), StepError> {
+    pub(super) fn rewind(&mut self, snapshot: &Snapshot) -> Result<(), StepError> {
         let (count, vertices) = (self.history.len(), self.next.len());
         let kept: &Kept = snapshot.get(self.frame, |(history, ..): &Kept| {
             history.len() == count && history.iter().all(|frame| frame.len() == vertices)

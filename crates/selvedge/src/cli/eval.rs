@@ -3,12 +3,12 @@
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use selvedge_data::Split;
 use selvedge_guard::Correction;
 use selvedge_lab::evaluation::{Horizons, Method, PhysicsMethod, RandomCases};
 
-use super::DeviceArgs;
+use super::{DeviceArgs, word};
 
 /// Threads at most: more than any machine has, few enough to be started.
 pub(super) const MOST_THREADS: i64 = 1024;
@@ -81,8 +81,8 @@ pub(crate) struct EvalArgs {
     #[arg(long, value_name = "FRAME")]
     to: Option<usize>,
     /// Data sets: the split of trajectories.
-    #[arg(long, value_enum, default_value_t = SplitName::Test)]
-    pub(crate) split: SplitName,
+    #[arg(long, default_value = "test", value_parser = word::<Split>([("train", "Trajectories to learn from"), ("test", "Trajectories to test on")]))]
+    pub(crate) split: Split,
     /// Data sets: only these motions. Scenes: motions instead of the scene's own: names, TOML
     /// files, recorded ones (.csv, .npz), `test` for all test motions, or `unseen` for the ten of
     /// these that are no mirror image of a training motion either. Separated by commas.
@@ -189,32 +189,5 @@ fn speed(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(speed) if speed > 0.0 && speed <= 1000.0 => Ok(speed),
         _ => Err("expected a number above 0 and at most 1000".to_owned()),
-    }
-}
-
-/// Part of a data set.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum SplitName {
-    /// Trajectories to learn from.
-    Train,
-    /// Trajectories to test on.
-    Test,
-}
-
-impl SplitName {
-    /// As people call it.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Train => "train",
-            Self::Test => "test",
-        }
-    }
-
-    /// As the data set has it.
-    pub(crate) fn split(self) -> Split {
-        match self {
-            Self::Train => Split::Train,
-            Self::Test => Split::Test,
-        }
     }
 }

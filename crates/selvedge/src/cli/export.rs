@@ -2,11 +2,13 @@
 
 use std::path::PathBuf;
 
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use selvedge_data::UpAxis;
 use selvedge_data::export::FrameSpan;
 use selvedge_view::{Rgb, View};
 
+use super::word;
 use crate::exporting::Choice;
 use crate::film::Look;
 
@@ -44,16 +46,16 @@ pub(crate) struct ExportArgs {
     every: u32,
     /// The axis that points up in the file: z turns the cloth by a quarter about x, as Blender has
     /// it. A USD file names its axis; glTF is always y.
-    #[arg(long, value_enum, default_value_t = UpName::Y)]
-    up: UpName,
+    #[arg(long, default_value = "y", value_parser = word::<UpAxis>([("y", "As in Selvedge"), ("z", "As in Blender")]))]
+    up: UpAxis,
     /// A normal for each vertex and frame [default: yes for .glb, no for all others, whose readers
     /// make their own].
-    #[arg(long, value_enum, value_name = "YES|NO")]
-    normals: Option<YesNo>,
+    #[arg(long, value_name = "YES|NO", value_parser = yes_or_no())]
+    normals: Option<bool>,
     /// A velocity for each vertex and frame, in m/s, for motion blur [default: yes for .abc,
     /// .usdc and .usdz, no for .usda; all others have none].
-    #[arg(long, value_enum, value_name = "YES|NO")]
-    velocities: Option<YesNo>,
+    #[arg(long, value_name = "YES|NO", value_parser = yes_or_no())]
+    velocities: Option<bool>,
     /// Width and height of a picture in pixels, as 1280x720 [default: 960x720; of a clip 320x320].
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<[u32; 2]>,
@@ -64,6 +66,10 @@ pub(crate) struct ExportArgs {
     /// The colour of the cloth, as "#1f4e79" [default: that of its fabric].
     #[arg(long, value_name = "#RRGGBB", value_parser = colour)]
     colour: Option<Rgb>,
+}
+
+fn yes_or_no() -> impl TypedValueParser<Value = bool> {
+    PossibleValuesParser::new(["yes", "no"]).map(|answer| answer == "yes")
 }
 
 fn size(text: &str) -> Result<[u32; 2], String> {
@@ -119,33 +125,6 @@ pub(crate) enum FormatName {
     Gif,
 }
 
-/// An answer to an option that asks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum YesNo {
-    /// With it.
-    Yes,
-    /// Without it.
-    No,
-}
-
-/// An axis that points up.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum UpName {
-    /// As in Selvedge.
-    Y,
-    /// As in Blender.
-    Z,
-}
-
-impl UpName {
-    pub(crate) fn axis(self) -> UpAxis {
-        match self {
-            Self::Y => UpAxis::Y,
-            Self::Z => UpAxis::Z,
-        }
-    }
-}
-
 impl ExportArgs {
     /// What was chosen.
     pub(crate) fn choice(&self) -> Choice {
@@ -159,9 +138,9 @@ impl ExportArgs {
                 every: self.every as usize,
                 ..self.frames.unwrap_or_default()
             },
-            up: self.up.axis(),
-            normals: self.normals.map(|answer| answer == YesNo::Yes),
-            velocities: self.velocities.map(|answer| answer == YesNo::Yes),
+            up: self.up,
+            normals: self.normals,
+            velocities: self.velocities,
             look: Look {
                 size: self.size,
                 view: self.camera.unwrap_or_default(),

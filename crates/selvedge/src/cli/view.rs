@@ -3,9 +3,10 @@
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
+use selvedge_live::Mover;
 
-use super::DeviceArgs;
+use super::{DeviceArgs, word};
 
 /// Simulate a cloth live in the browser, and drag it.
 ///
@@ -29,8 +30,8 @@ pub(crate) struct ViewArgs {
     #[arg(long, value_name = "FILE")]
     pub(crate) model: Vec<PathBuf>,
     /// What moves the cloth at first.
-    #[arg(long, value_enum, default_value_t = Shown::Physics)]
-    pub(crate) show: Shown,
+    #[arg(long, default_value = "physics", value_parser = word::<Mover>([("model", "The learned model"), ("physics", "The solver"), ("both", "Both, side by side")]))]
+    pub(crate) show: Mover,
     /// The machine of the models.
     #[command(flatten)]
     pub(crate) machine: DeviceArgs,
@@ -51,15 +52,4 @@ pub(crate) struct ViewArgs {
     /// Open the page in the browser.
     #[arg(long)]
     pub(crate) open: bool,
-}
-
-/// The mover of the cloth.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Shown {
-    /// The learned model.
-    Model,
-    /// The solver.
-    Physics,
-    /// Both, side by side.
-    Both,
 }

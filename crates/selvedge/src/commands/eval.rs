@@ -2,35 +2,25 @@
 //! own converged physics, or in random motions, as tables, as JSON, and as a report.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::path::Path;
 
 use anyhow::Context;
 use selvedge::machine::Machine;
 use selvedge_cloth::motion::named;
 use selvedge_data::{Dataset, LoadedScene, materials};
 use selvedge_lab::evaluation::{
-    self, Case, Evaluation, EvaluationPlan, Method, Mover, Run, Summary, evaluate, summaries,
+    self, Case, Evaluation, EvaluationPlan, Method, Run, Summary, evaluate, summaries,
 };
 use selvedge_lab::folder::{self, FolderKind, REFERENCES};
 use selvedge_lab::generation;
-use selvedge_lab::report::{self, Heading};
+use selvedge_lab::report::{self, Heading, ModelFile};
 use selvedge_model::Aspect;
-use serde::Serialize;
 use serde_json::{Value, json};
 
 use crate::cli::EvalArgs;
 use crate::failure::wrong;
 use crate::output::{Answer, End, Facts, Table};
 use crate::{place, progress, scenes};
-
-/// A model that is measured.
-#[derive(Clone, Debug, Serialize)]
-struct ModelFile {
-    name: String,
-    file: PathBuf,
-    parameters: usize,
-}
 
 /// Evaluates.
 pub(crate) fn run(args: &EvalArgs) -> anyhow::Result<Answer> {
@@ -147,7 +137,7 @@ fn cases(args: &EvalArgs, opened: &[LoadedScene]) -> anyhow::Result<Vec<Case>> {
     if !args.data.is_empty() {
         let mut cases = Vec::new();
         for (name, data) in open_data(args)? {
-            let split = args.split.split();
+            let split = args.split;
             cases.extend(Case::recorded(&name, &data, split, &args.motions)?);
         }
         return Ok(cases);
@@ -194,20 +184,14 @@ fn open_models(
             return Err(wrong(problem));
         }
         let model = selvedge::Model::open(Some(file))?.model;
+        let parameters = model.weights().len();
+        methods.extend(Method::guarded(&name, &model, &guards, machine));
+        let file = file.to_owned();
         models.push(ModelFile {
-            name: name.clone(),
-            file: file.to_owned(),
-            parameters: model.weights().len(),
+            name,
+            file,
+            parameters,
         });
-        for guard in &guards {
-            methods.push(Method {
-                name: match guards.len() {
-                    1 => name.clone(),
-                    _ => format!("{name} ({})", guard.name()),
-                },
-                mover: Mover::Model(Arc::clone(&model), *guard, machine.clone()),
-            });
-        }
     }
     Ok((models, methods))
 }
@@ -263,27 +247,8 @@ fn open_data(args: &EvalArgs) -> anyhow::Result<Vec<(String, Dataset)>> {
 }
 
 fn heading(args: &EvalArgs, models: &[ModelFile], machine: &Machine, end: End) -> Heading {
-    let cells = |m: &ModelFile| {
-        let file = m.file.display().to_string();
-        vec![m.name.clone(), file, m.parameters.to_string()]
-    };
-    let rows: Vec<_> = models.iter().map(cells).collect();
-    let mut heading = Heading {
-        title: if args.data.is_empty() {
-            "Evaluation".to_owned()
-        } else {
-            format!("Evaluation, {} split", args.split.name())
-        },
-        times: vec![format!("Models ran on: {}.", machine.name())],
-        ..Heading::default()
-    };
-    if end == End::Interrupted {
-        heading.note = "**Interrupted: only the starts until then are here.**".to_owned();
-    }
-    if !rows.is_empty() {
-        let table = report::table(&["model", "file", "parameters"], &rows);
-        heading.tables.push(table);
-    }
+    let split = (!args.data.is_empty()).then_some(args.split);
+    let mut heading = Heading::new(split, models, machine, end == End::Complete);
     if is_converged(args) {
         let reference = &args.reference;
         heading

@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use anyhow::Context;
-use selvedge_model::{Model, WeightType};
+use selvedge_model::Model;
 use serde_json::json;
 
-use crate::cli::{ConvertArgs, WeightsName};
+use crate::cli::ConvertArgs;
 use crate::output::Answer;
 use crate::place;
 
@@ -16,7 +16,7 @@ pub(crate) fn convert(args: &ConvertArgs) -> anyhow::Result<Answer> {
     place::check_distinct(&[("the model", &args.model), ("--output", &args.output)])?;
     let model = selvedge::Model::open(Some(&args.model))?.model;
     let bytes = model
-        .to_bytes_as(weight_type(args.weights))
+        .to_bytes_as(args.weights)
         .with_context(|| args.model.display().to_string())?;
     let converted = Model::from_bytes(&bytes).context("reading back what was written")?;
     let (root_mean_square, largest) = change(model.weights(), converted.weights());
@@ -38,14 +38,6 @@ pub(crate) fn convert(args: &ConvertArgs) -> anyhow::Result<Answer> {
         bytes.len(),
     );
     Ok(Answer::new(text, report).noting("model", &args.output))
-}
-
-fn weight_type(name: WeightsName) -> WeightType {
-    match name {
-        WeightsName::F32 => WeightType::F32,
-        WeightsName::F16 => WeightType::F16,
-        WeightsName::Bf16 => WeightType::Bf16,
-    }
 }
 
 fn size(path: &Path) -> u64 {

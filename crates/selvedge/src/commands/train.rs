@@ -4,10 +4,10 @@ use std::num::NonZeroUsize;
 use std::path::Path;
 use std::time::Instant;
 
-use anyhow::{Context, anyhow, bail};
+use anyhow::{Context, bail};
 use selvedge_data::Dataset;
 use selvedge_lab::folder::{self, FolderKind};
-use selvedge_lab::{assets, generation, training};
+use selvedge_lab::{generation, training};
 use selvedge_train::{EngineMaker, OverRanks, RunEnd, RunLimits, TrainConfig, Trainer, files};
 use serde_json::json;
 
@@ -21,7 +21,7 @@ const NEWEST: f64 = 0.02;
 
 /// Trains, or goes on with training.
 pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
-    let cfg = config(args)?;
+    let cfg = training::config(&args.config, &args.set, args.steps)?;
     let machine = args.machine.open()?;
     let data = generation::open(&args.data)?;
     let ranks = ranks::all();
@@ -90,32 +90,6 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
         "talk_share": talk_share,
     });
     Ok(facts.answer_at(end, report))
-}
-
-/// The text of a configuration: a shipped one's, or that of a file.
-fn text_of(config: &str) -> anyhow::Result<String> {
-    match assets::training(config) {
-        Some(text) => Ok(text.to_owned()),
-        None if !Path::new(config).exists() => {
-            let known: Vec<&str> = assets::TRAININGS.iter().map(|entry| entry.0).collect();
-            bail!(
-                "{config}: is neither a file nor a shipped configuration; shipped are {}",
-                known.join(", ")
-            )
-        }
-        None => selvedge_data::read_text(Path::new(config))
-            .map_err(|error| anyhow!("cannot read {config}: {error}")),
-    }
-}
-
-/// The configuration with the changes of the call.
-fn config(args: &TrainArgs) -> anyhow::Result<TrainConfig> {
-    let text = text_of(&args.config)?;
-    let mut cfg = TrainConfig::parse_with(&text, args.config.as_ref(), &args.set)?;
-    if let Some(steps) = args.steps {
-        cfg.steps = steps;
-    }
-    Ok(cfg)
 }
 
 /// Steps until the training ends; also returns the moving mean of the loss.

@@ -7,13 +7,11 @@ use std::time::Duration;
 
 use anyhow::Context;
 use selvedge_data::{Trajectory, ending_of};
-use selvedge_live::{
-    Mover, NamedTrack, Opening, Replay, RunningServer, ServerSettings, serve, start,
-};
+use selvedge_live::{NamedTrack, Opening, Replay, RunningServer, ServerSettings, serve, start};
 use selvedge_workshop::SceneWorkshop;
 use serde_json::json;
 
-use crate::cli::{Shown, ViewArgs};
+use crate::cli::ViewArgs;
 use crate::failure::wrong;
 use crate::interrupt;
 use crate::output::{Answer, Facts};
@@ -35,11 +33,7 @@ pub(crate) fn run(args: &ViewArgs) -> anyhow::Result<Answer> {
     }
     let opening = Opening {
         order: workshop.first_order(),
-        mover: match args.show {
-            Shown::Model => Mover::Model,
-            Shown::Physics => Mover::Physics,
-            Shown::Both => Mover::Both,
-        },
+        mover: args.show,
         replay,
     };
     let session = start(Box::new(workshop), opening, args.recordings.clone());

@@ -1,7 +1,5 @@
 //! Readers of bodies and of their points over time. Every file is read whole and checked.
 
-mod sequence;
-
 use std::fmt::Display;
 use std::path::Path;
 
@@ -15,8 +13,6 @@ use crate::formats::obj::parse_obj_polygons;
 use crate::formats::pc2;
 use crate::formats::polygons::triangles_of_body;
 use crate::rig::{Rig, RigError, RigFormat, Wanted};
-
-pub(super) use self::sequence::Sequence;
 
 /// The bytes of the shipped body of this name.
 pub(super) fn shipped(name: &str) -> Option<&'static [u8]> {
@@ -154,7 +150,7 @@ pub(super) fn moving_points(
     if animation.is_some() && kind != Some(Kind::Rig(RigFormat::Glb)) {
         return Err("only a .glb has animations with names".to_owned());
     }
-    let (rate, frames) = match kind {
+    let (rate, mut frames) = match kind {
         Some(Kind::Rig(format)) => {
             let rig = Rig::parse(bytes, format, Wanted::Motion(animation));
             let rig = rig.map_err(|error| error.to_string())?;
@@ -169,11 +165,16 @@ pub(super) fn moving_points(
             (read.frame_rate.unwrap_or(rate), read.frames)
         }
         Some(Kind::Obj) | None => {
-            let known = "must end in .obj (with {frame} in its name), .pc2, .npz, .usda, .usdc, .usdz, .usd or .glb";
+            let known = "must end in .pc2, .npz, .usda, .usdc, .usdz, .usd or .glb";
             return Err(known.to_owned());
         }
     };
-    Ok((rate, later(frames, from, rate)?))
+    let skipped = (from * rate).round() as usize;
+    if skipped >= frames.len() {
+        let end = frames.len().saturating_sub(1) as f64 / rate;
+        return Err(format!("from is after its end, at {end:.3} s"));
+    }
+    Ok((rate, frames.split_off(skipped)))
 }
 
 /// The points of a rig's meshes from `from` `[s]` after its start on, `rate` frames a second.
@@ -183,18 +184,4 @@ fn rig_frames(rig: &Rig, from: f64, rate: f64) -> Result<Vec<Vec<DVec3>>, String
         return Err([&problem, &rig.warnings[..]].concat().join("; "));
     }
     rig.frames(rate, from).map_err(|error| error.to_string())
-}
-
-/// The frames from `from` `[s]` on.
-pub(super) fn later(
-    mut frames: Vec<Vec<DVec3>>,
-    from: f64,
-    rate: f64,
-) -> Result<Vec<Vec<DVec3>>, String> {
-    let skipped = (from * rate).round() as usize;
-    if skipped >= frames.len() {
-        let end = frames.len().saturating_sub(1) as f64 / rate;
-        return Err(format!("from is after its end, at {end:.3} s"));
-    }
-    Ok(frames.split_off(skipped))
 }
