@@ -595,6 +595,18 @@ fn eliminate(mut a: Vec<Vec<D>>, mut b: Vec<D>) -> Vec<V> {
         .collect()
 }
 
+/// Scales the entries of a material's table, each by its own part.
+fn scale_table(table: &mut [f64], part: f64) {
+    let entries = table.iter_mut().enumerate();
+    entries.for_each(|(k, entry)| *entry *= 1.0 + part * noise(k));
+}
+
+/// The derivative along [`scale_table`], of the gradient by the entries.
+fn along_table(by: &[f64], table: &[f64]) -> f64 {
+    let entries = by.iter().zip(table).enumerate();
+    entries.map(|(k, (by, entry))| by * entry * noise(k)).sum()
+}
+
 /// Numbers between -1 and 1 that look random.
 fn noise(k: usize) -> f64 {
     (12.9898 * k as f64 + 4.1).sin() * 43_758.545_3 % 1.0
@@ -836,31 +848,19 @@ fn directions(vertices: usize, handles: usize, frames: usize) -> Vec<Direction> 
         },
         Direction {
             name: "stretching",
-            scene: |scene, part| {
-                let entries = scene.material.stretch.0.as_flattened_mut().iter_mut();
-                entries
-                    .enumerate()
-                    .for_each(|(k, entry)| *entry *= 1.0 + part * noise(k));
-            },
+            scene: |scene, part| scale_table(scene.material.stretch.0.as_flattened_mut(), part),
             by: |by, _, scene| {
-                let entries = scene.material.stretch.0.as_flattened().iter().enumerate();
-                let by = by.materials[0].stretch.as_flattened();
-                entries.map(|(k, entry)| by[k] * entry * noise(k)).sum()
+                let table = scene.material.stretch.0.as_flattened();
+                along_table(by.materials[0].stretch.as_flattened(), table)
             },
             ..none()
         },
         Direction {
             name: "bending",
-            scene: |scene, part| {
-                let entries = scene.material.bend.0.as_flattened_mut().iter_mut();
-                entries
-                    .enumerate()
-                    .for_each(|(k, entry)| *entry *= 1.0 + part * noise(k));
-            },
+            scene: |scene, part| scale_table(scene.material.bend.0.as_flattened_mut(), part),
             by: |by, _, scene| {
-                let entries = scene.material.bend.0.as_flattened().iter().enumerate();
-                let by = by.materials[0].bend.as_flattened();
-                entries.map(|(k, entry)| by[k] * entry * noise(k)).sum()
+                let table = scene.material.bend.0.as_flattened();
+                along_table(by.materials[0].bend.as_flattened(), table)
             },
             ..none()
         },
