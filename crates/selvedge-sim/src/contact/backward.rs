@@ -259,17 +259,8 @@ impl Collision {
         self.corners.map(|corner| value(corner).unwrap_or_default())
     }
 
-    /// Adds the derivatives of `value`, those by its shape to `shape`.
-    fn pull_back(
-        &self,
-        tape: &CollisionTape,
-        places: Places<'_>,
-        value: Value,
-        by: &mut PlaceSlopes<'_>,
-        shape: &mut ShapeSlopes,
-    ) {
-        let cloth = places.end.len();
-        let is_cloth = self.corners.map(|corner| (corner as usize) < cloth);
+    /// What its force is a function of, as the solve had it.
+    fn force_numbers(&self, tape: &CollisionTape) -> [f64; FORCE] {
         let mut numbers = [0.0; FORCE];
         numbers[..NORMAL].copy_from_slice(&self.weights);
         set(&mut numbers, NORMAL, self.normal);
@@ -282,6 +273,21 @@ impl Collision {
         numbers[HALF] = self.at.unwrap_or_default();
         let pull = tape.anchor.map_or(DVec3::ZERO, |anchor| anchor.pull);
         set(&mut numbers, ANCHOR, pull);
+        numbers
+    }
+
+    /// Adds the derivatives of `value`, those by its shape to `shape`.
+    fn pull_back(
+        &self,
+        tape: &CollisionTape,
+        places: Places<'_>,
+        value: Value,
+        by: &mut PlaceSlopes<'_>,
+        shape: &mut ShapeSlopes,
+    ) {
+        let cloth = places.end.len();
+        let is_cloth = self.corners.map(|corner| (corner as usize) < cloth);
+        let numbers = self.force_numbers(tape);
         let wanted = |number: usize| match number {
             ..NORMAL => tape.has_way && is_cloth[number],
             GAP => true,

@@ -140,22 +140,7 @@ impl Collision {
         shape: &ShapeRates,
         moved: &Moved<'_>,
     ) -> [Dual<RATES>; FORCE] {
-        let mut numbers = [0.0; FORCE];
-        numbers[..NORMAL].copy_from_slice(&self.weights);
-        set(&mut numbers, NORMAL, self.normal);
-        numbers[GAP] = self.gap;
-        set(&mut numbers, DRIFT, self.drift);
-        (numbers[MEAN_MASS], numbers[MASS]) = (self.mean_mass, self.mass);
-        if let PairLaw::Barrier { share } = self.law {
-            numbers[SHARE] = share;
-        }
-        numbers[HALF] = self.at.unwrap_or_default();
-        set(
-            &mut numbers,
-            ANCHOR,
-            tape.anchor.map_or(DVec3::ZERO, |anchor| anchor.pull),
-        );
-        let mut duals = numbers.map(|value| Dual {
+        let mut duals = self.force_numbers(tape).map(|value| Dual {
             value,
             rates: [0.0; RATES],
         });
