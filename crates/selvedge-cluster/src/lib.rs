@@ -5,8 +5,8 @@
 //! over a transport: threads of this process ([`threads`]), or MPI with the feature `mpi`. A rank
 //! alone needs none ([`Ranks::alone`]).
 //!
-//! A rank that fails tells the others, and a rank that has ended without a word is found out by
-//! those that wait for it; both are errors that name it.
+//! A rank of MPI that fails ends the others with it ([`Ranks::end`]); of one that was killed the
+//! launcher does.
 //!
 //! Without ranks there are [`Shard`]s: runs that share the jobs beforehand and never meet.
 //!
@@ -36,18 +36,14 @@
 //! # }
 //! ```
 
-mod local;
 #[cfg(feature = "mpi")]
 mod mpi;
 mod ranks;
 mod shard;
-mod together;
 mod transport;
 
-pub use local::threads;
 #[cfg(feature = "mpi")]
 pub use mpi::{is_launched, open_mpi};
-pub use ranks::{Ranks, Traffic};
+pub use ranks::{Adding, Ranks, Traffic, share_of};
 pub use shard::{Shard, ShardError};
-pub use together::{Adding, share_of};
-pub use transport::ClusterError;
+pub use transport::{ClusterError, threads};

@@ -1,36 +1,24 @@
-//! The ranks as each of them sees them: messages by rank and tag, failures that are told to all,
-//! and counts of what went over the wires.
+//! The ranks as each of them sees them, and what all of them do together, each at the same place of
+//! its program.
 
-use std::collections::VecDeque;
 use std::ops::Range;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use crate::local::threads;
-use crate::transport::{ClusterError, Letter, Transport};
+use crate::transport::{ClusterError, Transport, threads};
 
-/// A kind of message.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Tag(u32);
+/// Numbers of a sum that travel in one message: 128 KiB, so that the first ranks add the next ones
+/// while these go on.
+const CHUNK: usize = 32 * 1024;
 
-impl Tag {
-    const FAILED: Self = Self(1);
-    pub(crate) const GATHER: Self = Self(2);
-    pub(crate) const SUM: Self = Self(4);
-    pub(crate) const TOTAL: Self = Self(5);
-    const END: Self = Self(6);
+/// Adds the numbers of a range to their sum.
+pub type Adding<'a, E> = dyn FnMut(Range<usize>, &mut [f32]) -> Result<(), E> + 'a;
+
+/// The part of `count` things that belongs to `rank` of `ranks`: in a row, and as even as can be.
+pub fn share_of(count: usize, rank: usize, ranks: usize) -> Range<usize> {
+    count * rank / ranks..count * (rank + 1) / ranks
 }
-
-/// Waiting without a pause: for answers that are on their way.
-const EAGER: Duration = Duration::from_millis(1);
-/// The shortest and the longest pause between two looks.
-const PAUSES: [Duration; 2] = [Duration::from_micros(50), Duration::from_millis(2)];
-/// Between two looks at whether the other one still lives.
-const LOOK: Duration = Duration::from_millis(20);
-/// Waiting for a rank that works on the same thing as this one.
-const PATIENCE: Duration = Duration::from_secs(1800);
 
 /// What this rank sent, and the time of its talk.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -44,21 +32,9 @@ pub struct Traffic {
 /// The ranks of a job, seen from one of them.
 #[derive(Clone)]
 pub struct Ranks {
-    inner: Arc<Inner>,
-}
-
-struct Inner {
-    transport: Box<dyn Transport>,
-    inbox: Mutex<Inbox>,
-    has_failed: AtomicBool,
-    bytes: AtomicU64,
-    nanoseconds: AtomicU64,
-}
-
-#[derive(Default)]
-struct Inbox {
-    letters: VecDeque<Letter>,
-    failure: Option<ClusterError>,
+    transport: Arc<dyn Transport>,
+    /// Bytes sent, nanoseconds of talk.
+    traffic: Arc<[AtomicU64; 2]>,
 }
 
 impl Ranks {
@@ -68,37 +44,26 @@ impl Ranks {
     }
 
     /// The ranks that `transport` joins.
-    pub(crate) fn new(transport: Box<dyn Transport>) -> Self {
+    pub(crate) fn new(transport: Arc<dyn Transport>) -> Self {
         Self {
-            inner: Arc::new(Inner {
-                transport,
-                inbox: Mutex::default(),
-                has_failed: AtomicBool::new(false),
-                bytes: AtomicU64::new(0),
-                nanoseconds: AtomicU64::new(0),
-            }),
+            transport,
+            traffic: Arc::default(),
         }
     }
 
     /// This rank, from 0.
     pub fn rank(&self) -> usize {
-        self.inner.transport.rank()
+        self.transport.rank()
     }
 
     /// The number of this rank, from 0, among those of its machine.
     pub fn local_rank(&self) -> usize {
-        self.inner.transport.local_rank()
+        self.transport.local_rank()
     }
 
     /// The number of ranks.
     pub fn count(&self) -> usize {
-        self.inner.transport.count()
-    }
-
-    /// The other ranks.
-    pub(crate) fn others(&self) -> impl Iterator<Item = usize> + use<> {
-        let own = self.rank();
-        (0..self.count()).filter(move |rank| *rank != own)
+        self.transport.count()
     }
 
     /// Returns true for rank 0, which writes files and talks to people.
@@ -113,172 +78,114 @@ impl Ranks {
 
     /// What was sent so far, and the time of it.
     pub fn traffic(&self) -> Traffic {
-        let inner = &self.inner;
+        let [bytes, nanoseconds] = &*self.traffic;
         Traffic {
-            bytes: inner.bytes.load(Ordering::Relaxed),
-            time: Duration::from_nanos(inner.nanoseconds.load(Ordering::Relaxed)),
+            bytes: bytes.load(Ordering::Relaxed),
+            time: Duration::from_nanos(nanoseconds.load(Ordering::Relaxed)),
         }
+    }
+
+    /// Ends this rank's part in the job; with the exit code of a failure all other ranks end with it.
+    /// Of threads nothing ends.
+    pub fn end(&self, failure: Option<u8>) {
+        self.transport.end(failure);
+    }
+
+    /// The `bytes` of every rank, in their order, on rank 0; nothing on the others.
+    pub fn gather(&self, bytes: Vec<u8>) -> Result<Vec<Vec<u8>>, ClusterError> {
+        self.timed(|| {
+            if !self.is_first() {
+                return self.send(0, &bytes).map(|()| Vec::new());
+            }
+            let others = (1..self.count()).map(|from| self.transport.receive(from));
+            std::iter::once(Ok(bytes)).chain(others).collect()
+        })
+    }
+
+    /// The `bytes` of every rank, in their order, on every rank, by way of rank 0.
+    pub fn gather_for_all(&self, bytes: Vec<u8>) -> Result<Vec<Vec<u8>>, ClusterError> {
+        let all = self.gather(bytes)?;
+        self.timed(|| {
+            if !self.is_first() {
+                return (0..self.count())
+                    .map(|_| self.transport.receive(0))
+                    .collect();
+            }
+            for to in 1..self.count() {
+                all.iter().try_for_each(|bytes| self.send(to, bytes))?;
+            }
+            Ok(all)
+        })
+    }
+
+    /// Sums numbers over the ranks in the order of the ranks: rank 0 begins with zeros, each rank
+    /// adds its own (`add` is given a range and adds to its sum), and all get the total.
+    ///
+    /// A rank that adds several pieces one after the other gives the same bits as if one rank had
+    /// added all of them. The sum goes along a chain, in chunks that follow one another, and then the
+    /// total from the last rank round the others: each sends the numbers twice at most, whatever the
+    /// number of ranks and of pieces, which is what the best all-reduce needs.
+    pub fn sum_in_order<E: From<ClusterError>>(
+        &self,
+        total: &mut [f32],
+        add: &mut Adding<'_, E>,
+    ) -> Result<(), E> {
+        let (rank, last) = (self.rank(), self.count() - 1);
+        let before = if rank == 0 { last } else { rank - 1 };
+        for chunk in chunks(total.len()) {
+            let sum = &mut total[chunk.clone()];
+            match rank {
+                0 => sum.fill(0.0),
+                _ => self.timed(|| self.receive_numbers(before, sum))?,
+            }
+            add(chunk, sum)?;
+            if rank < last {
+                self.timed(|| self.send(rank + 1, &to_bytes(sum)))?;
+            }
+        }
+        // Nobody sends a total before it has all sums, so that no two ranks wait for each other.
+        for chunk in chunks(total.len()) {
+            let part = &mut total[chunk];
+            if rank < last {
+                self.timed(|| self.receive_numbers(before, part))?;
+            }
+            let next = (rank + 1) % (last + 1);
+            if next < last {
+                self.timed(|| self.send(next, &to_bytes(part)))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn send(&self, to: usize, bytes: &[u8]) -> Result<(), ClusterError> {
+        self.traffic[0].fetch_add(bytes.len() as u64, Ordering::Relaxed);
+        self.transport.send(to, bytes)
+    }
+
+    fn receive_numbers(&self, from: usize, numbers: &mut [f32]) -> Result<(), ClusterError> {
+        let bytes = self.transport.receive(from)?;
+        let (expected, found) = (size_of_val(numbers), bytes.len());
+        if expected != found {
+            return Err(ClusterError::Size {
+                rank: from,
+                expected,
+                found,
+            });
+        }
+        let (words, _) = bytes.as_chunks();
+        for (number, word) in numbers.iter_mut().zip(words) {
+            *number = f32::from_le_bytes(*word);
+        }
+        Ok(())
     }
 
     /// Counts the time of `work` as that of the ranks' talk.
-    pub(crate) fn timed<T>(&self, work: impl FnOnce() -> T) -> T {
+    fn timed<T>(&self, work: impl FnOnce() -> T) -> T {
         let started = Instant::now();
         let answer = work();
         let spent = u64::try_from(started.elapsed().as_nanos()).unwrap_or(u64::MAX);
-        self.inner.nanoseconds.fetch_add(spent, Ordering::Relaxed);
+        self.traffic[1].fetch_add(spent, Ordering::Relaxed);
         answer
-    }
-
-    /// Sends a message to another rank and returns at once.
-    pub(crate) fn send(&self, to: usize, tag: Tag, bytes: Vec<u8>) -> Result<(), ClusterError> {
-        let length = bytes.len() as u64;
-        self.inner.bytes.fetch_add(length, Ordering::Relaxed);
-        self.inner.transport.send(to, tag.0, bytes)
-    }
-
-    /// Waits for the next message of this tag from `from`.
-    ///
-    /// # Errors
-    /// A rank that failed, one that has ended, or one that is silent for half an hour.
-    pub(crate) fn receive(&self, from: usize, tag: Tag) -> Result<Vec<u8>, ClusterError> {
-        self.wait(from, tag, PATIENCE)
-    }
-
-    fn wait(&self, from: usize, tag: Tag, patience: Duration) -> Result<Vec<u8>, ClusterError> {
-        let (started, mut looked, mut pause) = (Instant::now(), Instant::now(), PAUSES[0]);
-        let is_it = |letter: &Letter| letter.from == from && letter.tag == tag.0;
-        loop {
-            if let Some(letter) = self.take(&is_it)? {
-                return Ok(letter.bytes);
-            }
-            if looked.elapsed() > LOOK {
-                looked = Instant::now();
-                if let Some(error) = self.missing(from..from + 1) {
-                    // It may have written before it ended.
-                    let letter = self.take(&is_it)?.ok_or(error)?;
-                    return Ok(letter.bytes);
-                }
-            }
-            let waited = started.elapsed();
-            if waited > patience {
-                let seconds = patience.as_secs();
-                let rank = from;
-                return Err(ClusterError::Silent { rank, seconds });
-            }
-            // What this rank has sent moves on only while it looks.
-            if waited < EAGER || self.inner.transport.is_sending() {
-                thread::yield_now();
-            } else {
-                thread::sleep(pause);
-                pause = (pause * 5 / 4).min(PAUSES[1]);
-            }
-        }
-    }
-
-    /// Waits until what was sent has reached `to`: large messages stand still while this rank works
-    /// on something else.
-    pub(crate) fn flush(&self, to: usize) -> Result<(), ClusterError> {
-        let is_none = |_: &Letter| false;
-        let started = Instant::now();
-        let mut looked = started;
-        while self.inner.transport.is_sending() {
-            self.take(&is_none)?;
-            if looked.elapsed() > LOOK {
-                looked = Instant::now();
-                self.missing(to..to + 1).map_or(Ok(()), Err)?;
-            }
-            if started.elapsed() > PATIENCE {
-                let seconds = PATIENCE.as_secs();
-                return Err(ClusterError::Silent { rank: to, seconds });
-            }
-            thread::yield_now();
-        }
-        Ok(())
-    }
-
-    /// Takes the first message that is asked for out of those that are there.
-    fn take(&self, is_it: &dyn Fn(&Letter) -> bool) -> Result<Option<Letter>, ClusterError> {
-        // Messages are taken from the carrier under the lock, or two threads could swap them.
-        let mut inbox = self.inbox();
-        self.fetch(&mut inbox)?;
-        if let Some(place) = inbox.letters.iter().position(is_it) {
-            return Ok(inbox.letters.remove(place));
-        }
-        match &inbox.failure {
-            Some(failure) => Err(failure.clone()),
-            None => Ok(None),
-        }
-    }
-
-    fn fetch(&self, inbox: &mut Inbox) -> Result<(), ClusterError> {
-        while let Some(letter) = self.inner.transport.poll()? {
-            match Tag(letter.tag) {
-                Tag::FAILED => {
-                    let message = String::from_utf8_lossy(&letter.bytes).into_owned();
-                    let rank = letter.from;
-                    let failure = ClusterError::Failed { rank, message };
-                    inbox.failure.get_or_insert(failure);
-                    self.inner.has_failed.store(true, Ordering::Relaxed);
-                }
-                _ => inbox.letters.push_back(letter),
-            }
-        }
-        Ok(())
-    }
-
-    fn missing(&self, mut ranks: Range<usize>) -> Option<ClusterError> {
-        let transport = &self.inner.transport;
-        let rank = ranks.find(|rank| !transport.is_alive(*rank))?;
-        let place = transport.place(rank);
-        Some(ClusterError::Gone { rank, place })
-    }
-
-    /// Tells all other ranks that this one has failed: whoever waits for anybody ends with that.
-    pub fn fail(&self, message: &str) {
-        self.tell_others(Tag::FAILED, message.as_bytes());
-    }
-
-    fn tell_others(&self, tag: Tag, bytes: &[u8]) {
-        for to in self.others() {
-            // Who cannot be told is no longer there.
-            let _ = self.send(to, tag, bytes.to_vec());
-        }
-    }
-
-    /// Returns true once another rank has failed.
-    pub fn has_failed(&self) -> bool {
-        if let Ok(mut inbox) = self.inner.inbox.try_lock() {
-            // What the carrier says is said again to whoever waits.
-            let _ = self.fetch(&mut inbox);
-        }
-        self.inner.has_failed.load(Ordering::Relaxed)
-    }
-
-    /// Waits until rank 0 has done all that it does alone, and takes leave of the others.
-    pub fn leave(&self) -> Result<(), ClusterError> {
-        if self.is_first() {
-            self.tell_others(Tag::END, &[]);
-        } else {
-            self.wait(0, Tag::END, Duration::MAX)?;
-        }
-        self.close();
-        Ok(())
-    }
-
-    /// Fails where another rank is known to have ended: before [`Self::leave`] none does.
-    pub fn check_all_there(&self) -> Result<(), ClusterError> {
-        self.missing(0..self.count()).map_or(Ok(()), Err)
-    }
-
-    /// Takes leave of the others without waiting for them longer than a few seconds.
-    pub fn close(&self) {
-        self.inner.transport.close();
-    }
-
-    fn inbox(&self) -> MutexGuard<'_, Inbox> {
-        // A panic elsewhere does not make messages wrong.
-        let inbox = self.inner.inbox.lock();
-        inbox.unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -287,3 +194,18 @@ impl std::fmt::Debug for Ranks {
         write!(f, "rank {} of {}", self.rank(), self.count())
     }
 }
+
+fn chunks(count: usize) -> impl Iterator<Item = Range<usize>> {
+    let starts = (0..count).step_by(CHUNK);
+    starts.map(move |start| start..count.min(start + CHUNK))
+}
+
+fn to_bytes(numbers: &[f32]) -> Vec<u8> {
+    numbers
+        .iter()
+        .flat_map(|number| number.to_le_bytes())
+        .collect()
+}
+
+#[cfg(test)]
+mod tests;

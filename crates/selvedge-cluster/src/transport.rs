@@ -1,20 +1,14 @@
-//! The seam to what carries messages between ranks, and why ranks cannot go on together.
+//! What carries bytes from one rank to another: threads of this process; MPI is in `mpi.rs`.
+
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use thiserror::Error;
 
-/// A message that has arrived.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Letter {
-    /// The rank that sent it.
-    pub(crate) from: usize,
-    /// Its tag.
-    pub(crate) tag: u32,
-    /// Its contents.
-    pub(crate) bytes: Vec<u8>,
-}
+use crate::ranks::Ranks;
 
-/// A carrier of messages. Messages of one rank to another arrive in the order in which they were
-/// sent.
+/// A carrier of bytes. What one rank sends to another arrives in the order in which it was sent.
+/// One thread of a rank talks at a time.
 pub(crate) trait Transport: Send + Sync {
     /// This rank, from 0.
     fn rank(&self) -> usize;
@@ -22,44 +16,26 @@ pub(crate) trait Transport: Send + Sync {
     /// The number of ranks.
     fn count(&self) -> usize;
 
-    /// Hands over a message to another rank and returns at once.
-    fn send(&self, to: usize, tag: u32, bytes: Vec<u8>) -> Result<(), ClusterError>;
-
-    /// The next message that has arrived, if there is one.
-    fn poll(&self) -> Result<Option<Letter>, ClusterError>;
-
-    /// Returns true while a message that was handed over is on its way and needs this rank to call
-    /// [`Self::poll`] before it gets there.
-    fn is_sending(&self) -> bool {
-        false
-    }
-
-    /// Returns `false` where a rank is known to have ended.
-    fn is_alive(&self, rank: usize) -> bool;
-
     /// The number of this rank, from 0, among those of its machine.
     fn local_rank(&self) -> usize;
 
-    /// Process and machine of a rank, in words.
-    fn place(&self, rank: usize) -> String;
+    /// Sends bytes to another rank; may wait until they are read.
+    fn send(&self, to: usize, bytes: &[u8]) -> Result<(), ClusterError>;
 
-    /// Waits until what was sent has gone, and takes leave of the other ranks. Nothing can be sent
-    /// afterwards.
-    fn close(&self) {}
+    /// Waits for the next bytes from another rank.
+    fn receive(&self, from: usize) -> Result<Vec<u8>, ClusterError>;
+
+    /// Ends this rank's part in the job: as done, or all other ranks with it, with the exit code of
+    /// a failure.
+    fn end(&self, failure: Option<u8>);
 }
 
 /// Ranks that cannot go on together.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum ClusterError {
-    #[error("rank {rank} has failed: {message}")]
-    Failed { rank: usize, message: String },
-    #[error(
-        "rank {rank} ({place}) has ended without a word: it was killed, or its machine has failed"
-    )]
-    Gone { rank: usize, place: String },
-    #[error("rank {rank} has not answered for {seconds} s: its machine or the network has failed")]
-    Silent { rank: usize, seconds: u64 },
+    #[error("rank {rank} has ended")]
+    Gone { rank: usize },
     #[error(
         "rank {rank} sent {found} bytes where {expected} belong: start the same program with the same arguments on every rank"
     )]
@@ -68,9 +44,64 @@ pub enum ClusterError {
         expected: usize,
         found: usize,
     },
-    #[error("MPI: {doing}: {problem}")]
-    Mpi {
-        doing: &'static str,
-        problem: String,
-    },
+    #[error("MPI cannot start: it was started before, or was built for one thread")]
+    Mpi,
+}
+
+/// Ranks for so many threads of this process. A rank that is dropped has ended.
+pub fn threads(count: usize) -> Vec<Ranks> {
+    let one = |rank| Threads {
+        rank,
+        to: Vec::new(),
+        from: Vec::new(),
+    };
+    let mut all: Vec<Threads> = (0..count).map(one).collect();
+    for from in 0..count {
+        for to in 0..count {
+            let (sender, receiver) = channel();
+            all[from].to.push(sender);
+            all[to].from.push(Mutex::new(receiver));
+        }
+    }
+    all.into_iter()
+        .map(|one| Ranks::new(Arc::new(one)))
+        .collect()
+}
+
+/// A rank that is a thread.
+struct Threads {
+    rank: usize,
+    /// By rank.
+    to: Vec<Sender<Vec<u8>>>,
+    from: Vec<Mutex<Receiver<Vec<u8>>>>,
+}
+
+impl Transport for Threads {
+    fn rank(&self) -> usize {
+        self.rank
+    }
+
+    fn count(&self) -> usize {
+        self.to.len()
+    }
+
+    fn local_rank(&self) -> usize {
+        self.rank
+    }
+
+    fn send(&self, to: usize, bytes: &[u8]) -> Result<(), ClusterError> {
+        let sent = self.to[to].send(bytes.to_vec());
+        sent.map_err(|_| ClusterError::Gone { rank: to })
+    }
+
+    fn receive(&self, from: usize) -> Result<Vec<u8>, ClusterError> {
+        let receiver = self.from[from]
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        receiver
+            .recv()
+            .map_err(|_| ClusterError::Gone { rank: from })
+    }
+
+    fn end(&self, _failure: Option<u8>) {}
 }

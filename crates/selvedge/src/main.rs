@@ -37,8 +37,8 @@ fn main() -> ExitCode {
         Err(_) if interrupt::requested() => interrupt::EXIT_CODE,
         Err(error) => failure::exit_code(error),
     };
-    let of_others = ranks::leave(answered.as_ref().err());
-    ExitCode::from(of_others.unwrap_or(code))
+    ranks::leave(answered.as_ref().err(), code);
+    ExitCode::from(code)
 }
 
 fn answer(cli: &Cli) -> anyhow::Result<End> {

@@ -1,11 +1,11 @@
 //! The ranks of this job: one process, unless `mpirun` or `srun` has started several.
 //!
-//! Rank 0 talks to people; a rank that fails says so and tells the others, so that all end.
+//! Rank 0 talks to people; a rank that fails says so and ends the others.
 
 use std::sync::OnceLock;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use selvedge_cluster::{ClusterError, Ranks};
+use selvedge_cluster::Ranks;
 
 use crate::failure::{self, wrong};
 use crate::{interrupt, progress};
@@ -59,52 +59,18 @@ pub(crate) fn all() -> Ranks {
     RANKS.get().cloned().unwrap_or_else(Ranks::alone)
 }
 
-/// Takes leave of the other ranks after the command; `failure` is what this rank has to say.
-/// Returns the exit code instead, where another one failed.
-pub(crate) fn leave(failure: Option<&anyhow::Error>) -> Option<u8> {
+/// Ends this rank's part in the job. A failure is said, and ends all other ranks with its exit code:
+/// by rank 0 at once, which is enough for what all of them refuse.
+pub(crate) fn leave(failure: Option<&anyhow::Error>, code: u8) {
     let ranks = all();
-    if !ranks.are_several() {
-        failure.iter().for_each(|error| failure::print(error));
-        return None;
-    }
-    let Some(error) = failure else {
-        // The launcher ends the others where one was killed: that is no press of Ctrl-C.
-        let all_there = if ranks.is_first() { ranks.check_all_there() } else { Ok(()) };
-        let error = all_there.and_then(|()| ranks.leave()).err()?;
-        // What another rank has to say, it says itself; one that was killed cannot.
-        if matches!(error, ClusterError::Gone { .. }) {
-            failure::print(&error.into());
+    match failure {
+        Some(error) if ranks.is_first() => failure::print(error),
+        Some(error) => {
+            std::thread::sleep(Duration::from_millis(300));
+            let (rank, chain) = (ranks.rank(), failure::chain(error));
+            failure::print(&anyhow::anyhow!("rank {rank} has failed: {chain}"));
         }
-        ranks.close();
-        return Some(interrupt::EXIT_CODE);
-    };
-    let is_of_other = error
-        .chain()
-        .any(|cause| matches!(cause.downcast_ref(), Some(ClusterError::Failed { .. })));
-    if !is_of_other {
-        ranks.fail(&failure::chain(error));
+        None => {}
     }
-    if ranks.is_first() {
-        failure::print(error);
-    } else if !is_of_other && !is_said_by_first(&ranks) {
-        failure::print(&anyhow::anyhow!(
-            "rank {}: {}",
-            ranks.rank(),
-            failure::chain(error)
-        ));
-    }
-    ranks.close();
-    None
-}
-
-/// Waits a moment for rank 0 to fail, too: what all ranks refuse is said once.
-fn is_said_by_first(ranks: &Ranks) -> bool {
-    let started = Instant::now();
-    while started.elapsed() < Duration::from_millis(300) {
-        if ranks.has_failed() {
-            return true;
-        }
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    false
+    ranks.end(failure.map(|_| code));
 }

@@ -1,12 +1,10 @@
 //! What ranks do together comes out the same on any number of them.
 
-use std::collections::VecDeque;
-use std::sync::Mutex;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::{Mutex, mpsc};
 use std::thread;
 
 use super::*;
-use crate::local::{Threads, threads};
-use crate::transport::{Letter, Transport};
 
 fn on_all<T: Send>(count: usize, work: impl Fn(&Ranks) -> T + Sync) -> Vec<T> {
     on_each(threads(count), work)
@@ -82,68 +80,72 @@ fn a_sum_has_the_same_bits_on_any_number_of_ranks() {
     }
 }
 
-/// A carrier whose messages stand still unless the sender looks for others, as large ones do in
-/// MPI.
-struct Lazy {
-    carrier: Threads,
-    waiting: Mutex<VecDeque<(usize, u32, Vec<u8>)>>,
+/// A carrier that does not go on before what it sends is read, as MPI with large messages.
+struct Meeting {
+    rank: usize,
+    to: Vec<SyncSender<Vec<u8>>>,
+    from: Vec<Mutex<Receiver<Vec<u8>>>>,
 }
 
-impl Transport for Lazy {
+impl Transport for Meeting {
     fn rank(&self) -> usize {
-        self.carrier.rank()
+        self.rank
     }
 
     fn count(&self) -> usize {
-        self.carrier.count()
-    }
-
-    fn send(&self, to: usize, tag: u32, bytes: Vec<u8>) -> Result<(), ClusterError> {
-        self.waiting.lock().unwrap().push_back((to, tag, bytes));
-        Ok(())
-    }
-
-    fn poll(&self) -> Result<Option<Letter>, ClusterError> {
-        if let Some((to, tag, bytes)) = self.waiting.lock().unwrap().pop_front() {
-            self.carrier.send(to, tag, bytes)?;
-        }
-        self.carrier.poll()
-    }
-
-    fn is_sending(&self) -> bool {
-        !self.waiting.lock().unwrap().is_empty()
-    }
-
-    fn is_alive(&self, rank: usize) -> bool {
-        self.carrier.is_alive(rank)
+        self.to.len()
     }
 
     fn local_rank(&self) -> usize {
-        self.carrier.local_rank()
+        self.rank
     }
 
-    fn place(&self, rank: usize) -> String {
-        self.carrier.place(rank)
+    fn send(&self, to: usize, bytes: &[u8]) -> Result<(), ClusterError> {
+        let sent = self.to[to].send(bytes.to_vec());
+        sent.map_err(|_| ClusterError::Gone { rank: to })
     }
+
+    fn receive(&self, from: usize) -> Result<Vec<u8>, ClusterError> {
+        let bytes = self.from[from]
+            .lock()
+            .unwrap()
+            .recv_timeout(Duration::from_secs(20));
+        assert_ne!(
+            bytes,
+            Err(mpsc::RecvTimeoutError::Timeout),
+            "ranks wait for each other"
+        );
+        bytes.map_err(|_| ClusterError::Gone { rank: from })
+    }
+
+    fn end(&self, _failure: Option<u8>) {}
 }
 
 #[test]
-fn a_sum_ends_when_all_that_a_rank_sent_has_left_it() {
+fn no_two_ranks_wait_for_each_other() {
     for count in 1..5 {
-        let lazy = Threads::joined(count).into_iter().map(|one| {
-            let waiting = Mutex::default();
-            Ranks::new(Box::new(Lazy {
-                carrier: one,
-                waiting,
-            }))
-        });
-        // A rank that is done is gone, with all that it has not sent.
-        let sums = on_each(lazy.collect(), |ranks| {
+        let one = |rank| Meeting {
+            rank,
+            to: Vec::new(),
+            from: Vec::new(),
+        };
+        let mut all: Vec<Meeting> = (0..count).map(one).collect();
+        for from in 0..count {
+            for to in 0..count {
+                let (sender, receiver) = sync_channel(0);
+                all[from].to.push(sender);
+                all[to].from.push(Mutex::new(receiver));
+            }
+        }
+        let all = all.into_iter().map(|one| Ranks::new(Arc::new(one)));
+        let sums = on_each(all.collect(), |ranks| {
             let mut total = vec![0.0; 3 * CHUNK];
             let add = &mut |_, sum: &mut [f32]| {
                 sum.iter_mut().for_each(|sum| *sum += 1.0);
                 Ok::<_, ClusterError>(())
             };
+            let own = vec![ranks.rank() as u8; 5];
+            assert_eq!(ranks.gather_for_all(own).unwrap().len(), count);
             ranks.sum_in_order(&mut total, add).map(|()| total)
         });
         for sum in sums {
@@ -169,37 +171,12 @@ fn shares_are_even_and_in_a_row() {
 }
 
 #[test]
-fn a_failure_reaches_whoever_waits() {
-    let errors = on_all(4, |ranks| {
-        if ranks.rank() == 2 {
-            ranks.fail("the disk is full");
-            return None;
-        }
-        ranks.gather_for_all(Vec::new()).err()
-    });
-    for (rank, error) in errors
-        .into_iter()
-        .enumerate()
-        .filter(|(rank, _)| *rank != 2)
-    {
-        let message = error.expect("an error").to_string();
-        assert_eq!(
-            message, "rank 2 has failed: the disk is full",
-            "on rank {rank}"
-        );
-    }
-}
-
-#[test]
 fn a_rank_that_has_ended_is_named_by_whoever_waits_for_it() {
-    let errors = on_all(2, |ranks| match ranks.rank() {
-        0 => ranks.receive(1, Tag::GATHER).err(),
-        _ => None,
+    let gathered = on_all(2, |ranks| match ranks.rank() {
+        0 => ranks.gather(Vec::new()),
+        _ => Ok(Vec::new()),
     });
-    let Some(ClusterError::Gone { rank: 1, place }) = &errors[0] else {
-        panic!("{errors:?}");
-    };
-    assert!(place.contains("thread 1"), "{place}");
+    assert_eq!(gathered[0], Err(ClusterError::Gone { rank: 1 }));
 }
 
 #[test]
