@@ -1,4 +1,4 @@
-//! What ships with Selvedge, as bytes: materials, scenes, motions, bodies, presets and models.
+//! What ships with Selvedge, as bytes: materials, scenes, bodies, presets and models.
 //!
 //! The files lie beside this one, so that a package has them. Those who read them check them:
 //! `selvedge-data` the scenes, materials, bodies and data sets, `selvedge-lab` the models
@@ -14,40 +14,20 @@ macro_rules! texts {
     };
 }
 
-/// Materials, measured fabrics as TOML.
-pub mod materials {
-    /// `gray-interlock`, the default.
-    pub const GRAY_INTERLOCK: &str = include_str!("materials/gray-interlock.toml");
-    /// `camel-ponte-roma`.
-    pub const CAMEL_PONTE_ROMA: &str = include_str!("materials/camel-ponte-roma.toml");
-    /// `11oz-black-denim`.
-    pub const DENIM: &str = include_str!("materials/11oz-black-denim.toml");
-    /// `navy-sparkle-sweat`.
-    pub const NAVY_SPARKLE_SWEAT: &str = include_str!("materials/navy-sparkle-sweat.toml");
-
-    /// All of them by name, the default first: the four above as they were published, the same with
-    /// their bending tables read as a plate's, and two that were fitted to drapes.
-    pub const ALL: &[(&str, &str)] = &[
-        ("gray-interlock", GRAY_INTERLOCK),
-        ("camel-ponte-roma", CAMEL_PONTE_ROMA),
-        ("11oz-black-denim", DENIM),
-        ("navy-sparkle-sweat", NAVY_SPARKLE_SWEAT),
-        ("interlock", include_str!("materials/interlock.toml")),
-        ("ponte", include_str!("materials/ponte.toml")),
-        ("denim", include_str!("materials/denim.toml")),
-        ("sweat", include_str!("materials/sweat.toml")),
-        ("blue-cotton", include_str!("materials/blue-cotton.toml")),
-        ("red-wool", include_str!("materials/red-wool.toml")),
-    ];
-}
-
-/// Motions of handles, as TOML.
-pub mod motions {
-    /// `loop`.
-    pub const LOOP: &str = include_str!("motions/loop.toml");
-    /// `curtsey`.
-    pub const CURTSEY: &str = include_str!("motions/curtsey.toml");
-}
+/// Materials, measured fabrics as TOML, the default first: four as they were published, the same with
+/// their bending tables read as a plate's, and two that were fitted to drapes.
+pub const MATERIALS: &[(&str, &str)] = texts!("materials":
+    "gray-interlock",
+    "camel-ponte-roma",
+    "11oz-black-denim",
+    "navy-sparkle-sweat",
+    "interlock",
+    "ponte",
+    "denim",
+    "sweat",
+    "blue-cotton",
+    "red-wool",
+);
 
 /// Scenes that are known by name.
 pub const SCENES: &[(&str, &str)] =

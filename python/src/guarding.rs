@@ -14,28 +14,6 @@ pub(crate) fn settings(name: &str) -> PyResult<Correction> {
     name.parse().map_err(wrong)
 }
 
-/// The numbers of a word. Strains and shares have no unit.
-fn numbers(trust: &Trust) -> [(&'static str, f64); 8] {
-    let given = trust.given;
-    let nan = f64::NAN;
-    [
-        ("largest_strain", given.largest_strain),
-        ("smallest_strain", given.smallest_strain),
-        ("strain_rms", given.strain_rms),
-        ("kinetic_energy", given.kinetic_energy),
-        ("largest_speed", given.largest_speed),
-        (
-            "predicted_strain",
-            trust.predicted.map_or(nan, |m| m.largest_strain),
-        ),
-        ("correction_rms", trust.correction.map_or(nan, |m| m.rms)),
-        (
-            "correction_largest",
-            trust.correction.map_or(nan, |m| m.largest),
-        ),
-    ]
-}
-
 /// The words of a word.
 fn words(trust: &Trust) -> [(&'static str, &'static str); 3] {
     let replaced = trust.verdict.replaced_by();
@@ -53,8 +31,8 @@ pub(crate) fn word<'py>(py: Python<'py>, trust: &Trust) -> PyResult<Bound<'py, P
     for (name, word) in words(trust) {
         dict.set_item(name, word)?;
     }
-    for (name, number) in numbers(trust) {
-        dict.set_item(name, number)?;
+    for (name, number) in trust.numbers() {
+        dict.set_item(name, number.unwrap_or(f64::NAN))?;
     }
     dict.set_item("physics_failed", trust.physics_failed)?;
     Ok(dict)
@@ -71,8 +49,9 @@ pub(crate) fn columns<'py>(py: Python<'py>, log: &[Trust]) -> PyResult<Bound<'py
         for (name, word) in words(trust) {
             of_words.entry(name).or_default().push(word);
         }
-        for (name, number) in numbers(trust) {
-            of_numbers.entry(name).or_default().push(number);
+        for (name, number) in trust.numbers() {
+            let numbers = of_numbers.entry(name).or_default();
+            numbers.push(number.unwrap_or(f64::NAN));
         }
     }
     for (name, words) in of_words {

@@ -75,7 +75,7 @@ pub(crate) unsafe fn keep<T>(
     call(|| {
         // SAFETY: as for this function.
         unsafe { put(out, "out", 0) }?;
-        let handle = registry.keep(make()?)?;
+        let handle = registry.keep(make()?);
         // SAFETY: likewise.
         unsafe { put(out, "out", handle) }
     })

@@ -45,11 +45,6 @@ impl Fault {
         Self::new(status, cause::chain(&*error.into()))
     }
 
-    /// A scene that cannot be made ready to move.
-    pub(crate) fn start(error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
-        Self::of(SelvedgeStatus::Start, error)
-    }
-
     pub(crate) fn step(error: StepError) -> Self {
         let status = match &error {
             StepError::Stopped { .. } => SelvedgeStatus::Stopped,

@@ -4,8 +4,8 @@
 //! `selvedge` composes the same library functions, so that a stepper has the positions that
 //! `selvedge run` and `selvedge run --model` write, to the bit.
 //!
-//! - A **handle** is a number with a kind and a generation, and not an address: one that was freed,
-//!   or that is of another kind, is an error and no crash.
+//! - A **handle** is a number with a kind, not an address, and is not given out twice: one that was
+//!   freed, or that is of another kind, is an error and no crash.
 //! - A call answers with a [`status::SelvedgeStatus`];
 //!   [`selvedge_last_error`](process::selvedge_last_error) has the words for it.
 //! - A panic does not cross the border: it becomes an error, and the handle that was in use can

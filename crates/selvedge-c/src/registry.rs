@@ -1,9 +1,9 @@
 //! Handles: numbers for what the library keeps.
 //!
-//! A handle has a kind (8 bits), a generation (24 bits) and a place (32 bits). A place that is used
-//! again has another generation, so that a handle that was freed is known as such; a place whose
-//! generations are used up is not used again.
+//! A handle has a kind (8 bits) and a number (56 bits), which counts up and is not used again, so that
+//! a handle that was freed is known as such.
 
+use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::fault::Fault;
@@ -20,18 +20,19 @@ pub(crate) enum Kind {
 }
 
 const KINDS: [Kind; 4] = [Kind::Scene, Kind::Model, Kind::Stepper, Kind::Snapshot];
-const LAST_GENERATION: u32 = (1 << 24) - 1;
+/// Place of the kind in a handle.
+const KIND: u32 = 56;
 
 /// All that handles of one kind stand for.
 pub(crate) struct Registry<T> {
     kind: Kind,
-    slots: Mutex<Vec<Slot<T>>>,
+    kept: Mutex<Kept<T>>,
 }
 
-struct Slot<T> {
-    /// Of the newest handle of this place.
-    generation: u32,
-    kept: Option<Arc<T>>,
+struct Kept<T> {
+    /// Number of the newest handle; 0 before the first.
+    newest: u64,
+    all: BTreeMap<u64, Arc<T>>,
 }
 
 impl Kind {
@@ -47,86 +48,59 @@ impl Kind {
 
 impl<T> Registry<T> {
     pub(crate) const fn new(kind: Kind) -> Self {
-        Self {
-            kind,
-            slots: Mutex::new(Vec::new()),
-        }
+        let kept = Mutex::new(Kept {
+            newest: 0,
+            all: BTreeMap::new(),
+        });
+        Self { kind, kept }
     }
 
     /// Keeps `value` and returns its handle.
-    pub(crate) fn keep(&self, value: T) -> Result<u64, Fault> {
-        let mut slots = self.slots();
-        let free = |slot: &Slot<T>| slot.kept.is_none() && slot.generation < LAST_GENERATION;
-        let place = match slots.iter().position(free) {
-            Some(place) => place,
-            None => {
-                slots.push(Slot {
-                    generation: 0,
-                    kept: None,
-                });
-                slots.len() - 1
-            }
-        };
-        let number = u32::try_from(place)
-            .map_err(|_| Fault::argument("there are too many handles: free some"))?;
-        let slot = &mut slots[place];
-        slot.generation += 1;
-        slot.kept = Some(Arc::new(value));
-        let kind = u64::from(self.kind as u8) << 56;
-        Ok(kind | u64::from(slot.generation) << 32 | u64::from(number))
+    pub(crate) fn keep(&self, value: T) -> u64 {
+        let mut kept = self.kept();
+        kept.newest += 1;
+        let handle = (self.kind as u64) << KIND | kept.newest;
+        kept.all.insert(handle, Arc::new(value));
+        handle
     }
 
     /// The value that `handle` stands for.
     pub(crate) fn get(&self, handle: u64) -> Result<Arc<T>, Fault> {
-        let slots = self.slots();
-        let kept = slots[self.place(&slots, handle)?].kept.as_ref();
-        kept.map(Arc::clone).ok_or_else(|| self.freed(handle))
+        let kept = self.kept();
+        let value = kept.all.get(&handle).map(Arc::clone);
+        value.ok_or_else(|| self.unknown(handle, kept.newest))
     }
 
     /// Ends `handle`. A call that is under way with it in another thread comes to its end before
     /// what it stands for is given up.
     pub(crate) fn free(&self, handle: u64) -> Result<(), Fault> {
-        let mut slots = self.slots();
-        let place = self.place(&slots, handle)?;
-        let kept = slots[place].kept.take();
-        drop(slots);
-        match kept {
-            Some(_) => Ok(()),
-            None => Err(self.freed(handle)),
-        }
+        let mut kept = self.kept();
+        let (value, newest) = (kept.all.remove(&handle), kept.newest);
+        // What it stands for may take a while to end.
+        drop(kept);
+        value.map(drop).ok_or_else(|| self.unknown(handle, newest))
     }
 
-    /// The place of a handle that was given out, and not long ago.
-    fn place(&self, slots: &[Slot<T>], handle: u64) -> Result<usize, Fault> {
-        let kind = KINDS.iter().find(|kind| **kind as u64 == handle >> 56);
-        if kind != Some(&self.kind) {
-            let found = kind.map_or("no handle", |kind| kind.name());
-            return Err(self.foreign(handle, found));
-        }
-        let place = (handle & u64::from(u32::MAX)) as usize;
-        let generation = (handle >> 32) as u32 & LAST_GENERATION;
-        match slots.get(place) {
-            Some(slot) if generation == slot.generation => Ok(place),
-            Some(slot) if (1..slot.generation).contains(&generation) => Err(self.freed(handle)),
-            _ => Err(self.foreign(handle, "no handle that was given out")),
-        }
-    }
-
-    fn foreign(&self, handle: u64, found: &str) -> Fault {
+    /// Why nothing is kept for `handle`, of handles with numbers up to `newest`.
+    fn unknown(&self, handle: u64, newest: u64) -> Fault {
         let wanted = self.kind.name();
+        let number = handle & ((1 << KIND) - 1);
+        let found = match KINDS.iter().find(|kind| **kind as u64 == handle >> KIND) {
+            None => "no handle",
+            Some(kind) if *kind != self.kind => kind.name(),
+            Some(_) if (1..=newest).contains(&number) => {
+                let text = format!("{handle:#x}: the handle of {wanted} that was freed");
+                return Fault::new(SelvedgeStatus::Freed, text);
+            }
+            Some(_) => "no handle that was given out",
+        };
         let text = format!("{handle:#x}: expected the handle of {wanted}, found {found}");
         Fault::new(SelvedgeStatus::Handle, text)
     }
 
-    fn freed(&self, handle: u64) -> Fault {
-        let name = self.kind.name();
-        let text = format!("{handle:#x}: the handle of {name} that was freed");
-        Fault::new(SelvedgeStatus::Freed, text)
-    }
-
-    fn slots(&self) -> MutexGuard<'_, Vec<Slot<T>>> {
+    fn kept(&self) -> MutexGuard<'_, Kept<T>> {
         // Nothing in here is left half done by a panic.
-        self.slots.lock().unwrap_or_else(PoisonError::into_inner)
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -149,45 +123,34 @@ mod tests {
     #[test]
     fn a_handle_is_known_until_it_is_freed_and_as_freed_from_then_on() {
         let all = Registry::new(Kind::Model);
-        let first = all.keep("first").unwrap();
+        let first = all.keep("first");
         assert_eq!(*all.get(first).unwrap(), "first");
         all.free(first).unwrap();
         for _ in 0..3 {
             assert_eq!(status(all.get(first)), SelvedgeStatus::Freed);
             assert_eq!(status(all.free(first)), SelvedgeStatus::Freed);
-            let second = all.keep("second").unwrap();
+            let second = all.keep("second");
             assert_ne!(first, second);
             assert_eq!(status(all.get(first)), SelvedgeStatus::Freed);
             assert_eq!(*all.get(second).unwrap(), "second");
             all.free(second).unwrap();
         }
-        assert_eq!(all.slots().len(), 1, "places are used again");
+        assert!(all.kept().all.is_empty());
     }
 
     #[test]
     fn numbers_that_are_no_handles_are_told_from_those_of_another_kind() {
         let (models, scenes) = (Registry::new(Kind::Model), Registry::new(Kind::Scene));
-        let model = models.keep(()).unwrap();
-        scenes.keep(()).unwrap();
+        let model = models.keep(());
+        scenes.keep(());
         let other = scenes.get(model).err().unwrap();
         assert_eq!(other.status, SelvedgeStatus::Handle);
-        let never = model & !(u64::from(LAST_GENERATION) << 32);
+        let never = model >> KIND << KIND;
         let near = [model + 1, model + (1 << 32), model ^ 1 << 60, never];
         for number in [0, 1, u64::MAX].into_iter().chain(near) {
             let found = status(models.get(number));
             assert_eq!(found, SelvedgeStatus::Handle, "{number:#x}");
         }
-    }
-
-    #[test]
-    fn a_place_without_generations_left_is_not_used_again() {
-        let all = Registry::new(Kind::Stepper);
-        let first = all.keep(1).unwrap();
-        all.slots()[0].generation = LAST_GENERATION;
-        all.slots()[0].kept = None;
-        let next = all.keep(2).unwrap();
-        assert_eq!(next & u64::from(u32::MAX), 1);
-        assert_eq!(status(all.get(first)), SelvedgeStatus::Freed);
     }
 
     #[test]
@@ -198,7 +161,7 @@ mod tests {
                 let all = &all;
                 scope.spawn(move || {
                     for round in 0..200 {
-                        let handle = all.keep((thread, round)).unwrap();
+                        let handle = all.keep((thread, round));
                         assert_eq!(*all.get(handle).unwrap(), (thread, round));
                         all.free(handle).unwrap();
                         assert_eq!(status(all.get(handle)), SelvedgeStatus::Freed);

@@ -31,35 +31,22 @@ pub enum SelvedgeStatus {
     Panic = 10,
 }
 
-/// The words for each code alone.
-const WORDS: [(SelvedgeStatus, &CStr); 11] = [
-    (SelvedgeStatus::Ok, c"done"),
-    (SelvedgeStatus::Argument, c"an argument cannot be used"),
-    (SelvedgeStatus::Count, c"an array has the wrong length"),
-    (
-        SelvedgeStatus::Handle,
-        c"not a handle, or one of another kind",
-    ),
-    (SelvedgeStatus::Freed, c"the handle was freed"),
-    (
-        SelvedgeStatus::Poisoned,
-        c"an earlier call with the handle panicked: free it",
-    ),
-    (SelvedgeStatus::Open, c"a scene or a model cannot be opened"),
-    (
-        SelvedgeStatus::Start,
-        c"the scene cannot be made ready to move",
-    ),
-    (SelvedgeStatus::Step, c"the step failed"),
-    (SelvedgeStatus::Stopped, c"stopped, as was asked"),
-    (
-        SelvedgeStatus::Panic,
-        c"a defect of Selvedge: a call panicked",
-    ),
+/// The words for each code alone, in the order of the codes.
+const WORDS: [&CStr; SelvedgeStatus::Panic as usize + 1] = [
+    c"done",
+    c"an argument cannot be used",
+    c"an array has the wrong length",
+    c"not a handle, or one of another kind",
+    c"the handle was freed",
+    c"an earlier call with the handle panicked: free it",
+    c"a scene or a model cannot be opened",
+    c"the scene cannot be made ready to move",
+    c"the step failed",
+    c"stopped, as was asked",
+    c"a defect of Selvedge: a call panicked",
 ];
 
 /// The words for the code of this number.
 pub(crate) fn words(number: i32) -> Option<&'static CStr> {
-    let row = WORDS.iter().find(|(status, _)| *status as i32 == number);
-    row.map(|row| row.1)
+    WORDS.get(usize::try_from(number).ok()?).copied()
 }

@@ -29,6 +29,15 @@ pub struct Core {
 }
 
 impl Body {
+    /// A body of this mesh, which is not round: `[points]` `[m]`, and corners of its faces.
+    pub fn of(points: Vec<DVec3>, faces: Vec<[u32; 3]>) -> Self {
+        Self {
+            points,
+            faces,
+            core: None,
+        }
+    }
+
     /// The body where `place` takes its points: a similarity that multiplies lengths by `scale`.
     pub fn placed(mut self, scale: f64, place: impl Fn(DVec3) -> DVec3) -> Self {
         for point in &mut self.points {
@@ -52,14 +61,9 @@ impl Core {
 /// Two triangles: a rectangle with these sides along x and z `[m]` about the origin, seen from
 /// above.
 pub fn plane([width, depth]: [f64; 2]) -> Body {
-    let corner = |x: f64, z: f64| DVec3::new(0.5 * width * x, 0.0, 0.5 * depth * z);
-    Body {
-        points: [(-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (1.0, -1.0)]
-            .map(|(x, z)| corner(x, z))
-            .to_vec(),
-        faces: vec![[0, 1, 2], [0, 2, 3]],
-        core: None,
-    }
+    let corner = |[x, z]: [f64; 2]| DVec3::new(0.5 * width * x, 0.0, 0.5 * depth * z);
+    let corners = [[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]].map(corner);
+    Body::of(corners.to_vec(), vec![[0, 1, 2], [0, 2, 3]])
 }
 
 /// A box with these sides `[m]` about the origin.
@@ -74,14 +78,8 @@ pub fn cuboid(sides: DVec3) -> Body {
         [0, 2, 3, 1],
         [4, 5, 7, 6],
     ];
-    Body {
-        points: (0..8).map(corner).collect(),
-        faces: quads
-            .iter()
-            .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]])
-            .collect(),
-        core: None,
-    }
+    let triangles = quads.map(|[a, b, c, d]| [[a, b, c], [a, c, d]]);
+    Body::of((0..8).map(corner).collect(), triangles.concat())
 }
 
 /// Longest edge of the finest [`sphere`] in radii: an icosahedron whose edges were halved six times.
@@ -175,12 +173,7 @@ fn turned(rings: &[[f64; 2]], tip: f64, around: usize) -> Body {
         }));
     }
     points.push(DVec3::Y * tip);
-    let faces = ring_faces(rings.len(), around);
-    Body {
-        points,
-        faces,
-        core: None,
-    }
+    Body::of(points, ring_faces(rings.len(), around))
 }
 
 /// Faces of a bottom point, `rings` of `around` points and a top point.
@@ -230,11 +223,7 @@ fn icosahedron() -> Body {
             [11, lower_next, lower],
         ]);
     }
-    Body {
-        points,
-        faces,
-        core: None,
-    }
+    Body::of(points, faces)
 }
 
 /// Every face in four, with the new points on the unit sphere.
@@ -253,11 +242,7 @@ fn halved(body: &Body) -> Body {
         let [ab, bc, ca] = [middle(a, b), middle(b, c), middle(c, a)];
         faces.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
     }
-    Body {
-        points,
-        faces,
-        core: None,
-    }
+    Body::of(points, faces)
 }
 
 #[cfg(test)]

@@ -22,6 +22,21 @@ pub fn area_vector(a: DVec3, b: DVec3, c: DVec3) -> DVec3 {
     0.5 * (b - a).cross(c - a)
 }
 
+/// Least and greatest corner of the box around `points`; the origin where there are none.
+pub fn bounds(points: &[DVec3]) -> [DVec3; 2] {
+    let first = points.first().copied().unwrap_or_default();
+    let corners = [first, first];
+    points
+        .iter()
+        .fold(corners, |[low, high], p| [low.min(*p), high.max(*p)])
+}
+
+/// Sides of the box around `points`.
+pub fn extent(points: &[DVec3]) -> DVec3 {
+    let [low, high] = bounds(points);
+    high - low
+}
+
 /// Returns true where a triangle has no area to speak of by its sides.
 #[inline]
 pub fn is_without_area([a, b, c]: [DVec3; 3]) -> bool {

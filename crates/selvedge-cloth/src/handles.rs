@@ -4,7 +4,7 @@ use glam::DVec3;
 use serde::Serialize;
 use thiserror::Error;
 
-use crate::VertexId;
+use crate::{StepError, VertexId};
 
 /// The handle vertices of a cloth: distinct and in range. Their order is the order of every list
 /// of handle positions. There may be none.
@@ -21,6 +21,14 @@ pub enum HandleError {
     Count { expected: usize, found: usize },
     #[error("{0}")]
     Unusable(String),
+}
+
+impl HandleError {
+    /// The error of the step to this frame.
+    pub fn at(self, frame: usize) -> StepError {
+        let source = self;
+        StepError::Handles { frame, source }
+    }
 }
 
 impl Handles {
@@ -199,6 +207,11 @@ impl HandleTargets {
             ))),
             None => Ok(()),
         }
+    }
+
+    /// Marks the handles that are let go during this frame, `[handles]`.
+    pub fn let_go(&self) -> Vec<bool> {
+        (0..self.handle_count).map(|h| !self.holds(h)).collect()
     }
 
     /// Number of handles.

@@ -58,7 +58,6 @@ pub mod geometry;
 mod handles;
 mod ids;
 mod isotropic;
-mod long_work;
 mod loose_panels;
 mod material;
 mod mesh;
@@ -70,6 +69,7 @@ mod rigid;
 mod scene;
 mod schedule;
 mod stepper;
+mod stop;
 mod topology;
 
 /// Vectors of all interfaces.
@@ -87,7 +87,6 @@ pub use error::{SceneError, require};
 pub use handles::{HandleError, HandleTargets, Handles};
 pub use ids::{EdgeId, FaceId, VertexId};
 pub use isotropic::Isotropic;
-pub use long_work::{LongWork, LongWorkObserver, Stop, observe_long_work};
 pub use loose_panels::LoosePanels;
 pub use material::{BendTable, Compression, Material, StretchTable};
 pub use mesh::{FaceFabrics, Mesh, MeshError, RestShape};
@@ -108,4 +107,5 @@ pub use schedule::{HandleSchedule, Release};
 pub use stepper::{
     Correctable, Snapshot, StepError, Stepper, check_target_count, check_targets_hold,
 };
+pub use stop::Stop;
 pub use topology::{Arc, Edge, Topology, TopologyError};

@@ -277,13 +277,28 @@ impl Mesh {
 
     /// Areas, lengths and masses of the rest shape for a cloth of `density` `[kg/m²]`.
     pub fn rest_shape(&self, density: f64) -> RestShape {
-        RestShape::of(self, |_| density)
+        self.rest_shape_of(|_| density)
     }
 
     /// Areas, lengths and masses of the rest shape where each face has a density of its own
     /// `[kg/m²]`.
     pub fn rest_shape_of(&self, density: impl Fn(FaceId) -> f64) -> RestShape {
-        RestShape::of(self, density)
+        let (topology, pattern) = (&self.topology, self.pattern());
+        let mut face_area = Vec::with_capacity(topology.faces().len());
+        let mut vertex_mass = vec![0.0; topology.vertex_count()];
+        for (number, [a, b, c]) in (0_u32..).zip(pattern.faces()) {
+            let face = FaceId(number);
+            let area = signed_area_2d(a, b, c).abs();
+            face_area.push(area);
+            for vertex in topology.faces()[face.index()] {
+                vertex_mass[vertex.index()] += density(face) * area / 3.0;
+            }
+        }
+        RestShape {
+            face_area,
+            edge_length: pattern.edge_lengths(),
+            vertex_mass,
+        }
     }
 }
 
@@ -362,27 +377,6 @@ pub struct RestShape {
     pub edge_length: Vec<f64>,
     /// Mass of each vertex `[kg]`, `[vertices]`.
     pub vertex_mass: Vec<f64>,
-}
-
-impl RestShape {
-    fn of(mesh: &Mesh, density: impl Fn(FaceId) -> f64) -> Self {
-        let (topology, pattern) = (&mesh.topology, mesh.pattern());
-        let mut face_area = Vec::with_capacity(topology.faces().len());
-        let mut vertex_mass = vec![0.0; topology.vertex_count()];
-        for (number, [a, b, c]) in (0_u32..).zip(pattern.faces()) {
-            let face = FaceId(number);
-            let area = signed_area_2d(a, b, c).abs();
-            face_area.push(area);
-            for vertex in topology.faces()[face.index()] {
-                vertex_mass[vertex.index()] += density(face) * area / 3.0;
-            }
-        }
-        Self {
-            face_area,
-            edge_length: pattern.edge_lengths(),
-            vertex_mass,
-        }
-    }
 }
 
 #[cfg(test)]

@@ -78,10 +78,7 @@ pub trait Stepper {
     fn teleport(&mut self, to: Rigid, along: &[usize]) -> Result<(), StepError> {
         let _ = (to, along);
         let what = "only the solver can teleport a cloth, and not a network or a recording";
-        Err(StepError::Handles {
-            frame: self.frame(),
-            source: HandleError::Unusable(what.to_owned()),
-        })
+        Err(HandleError::Unusable(what.to_owned()).at(self.frame()))
     }
 }
 
@@ -333,10 +330,7 @@ pub fn check_target_count(
     if expected == found {
         return Ok(());
     }
-    Err(StepError::Handles {
-        frame: stepper.frame() + 1,
-        source: HandleError::Count { expected, found },
-    })
+    Err(HandleError::Count { expected, found }.at(stepper.frame() + 1))
 }
 
 /// Checks `targets` for a `stepper` that cannot let handles go: one target per handle, and all
@@ -349,7 +343,6 @@ pub fn check_targets_hold(
     targets: &HandleTargets,
 ) -> Result<(), StepError> {
     check_target_count(stepper, targets)?;
-    let frame = stepper.frame() + 1;
     let hold = targets.require_all_hold();
-    hold.map_err(|source| StepError::Handles { frame, source })
+    hold.map_err(|error| error.at(stepper.frame() + 1))
 }

@@ -75,7 +75,8 @@ pub use dataset::writer::DatasetWriter;
 pub use dataset::{Dataset, DatasetIndex, DatasetStatistics, Entry, Split, Splits};
 pub use formats::arrays::{Array, ArrayFile};
 pub use formats::atomic::{
-    WriteError, is_writing, remove_parts, write_atomically, write_beside, write_folder_atomically,
+    WriteError, folder_of, is_empty_folder, is_writing, remove_parts, target_of, write_atomically,
+    write_beside, write_folder_atomically,
 };
 pub use formats::file_error::{FileError, Problem, readable_path};
 pub use formats::input::{ending_of, read_file, read_text};

@@ -120,6 +120,23 @@ pub struct Trust {
     pub correction: Option<Moved>,
 }
 
+impl Trust {
+    /// The numbers by their names: SI units, strains have none. None without a prediction.
+    pub fn numbers(&self) -> [(&'static str, Option<f64>); 8] {
+        let (given, moved) = (&self.given, self.correction);
+        [
+            ("largest_strain", Some(given.largest_strain)),
+            ("smallest_strain", Some(given.smallest_strain)),
+            ("strain_rms", Some(given.strain_rms)),
+            ("kinetic_energy", Some(given.kinetic_energy)),
+            ("largest_speed", Some(given.largest_speed)),
+            ("predicted_strain", self.predicted.map(|m| m.largest_strain)),
+            ("correction_rms", moved.map(|m| m.rms)),
+            ("correction_largest", moved.map(|m| m.largest)),
+        ]
+    }
+}
+
 /// Sums over the frames of one or several runs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -295,7 +295,7 @@ fn scene(settings: &BTreeMap<&str, String>) -> Scene {
             panic!("case {other:?} is none of forward, swing, apart, draped, crumpled, thrown")
         }
     }
-    let material = toml::from_str(selvedge_assets::materials::GRAY_INTERLOCK).unwrap();
+    let material = toml::from_str(selvedge_assets::MATERIALS[0].1).unwrap();
     let handles = Handles::new(&held, vertices).unwrap();
     let mut scene = Scene::of("bench", mesh, handles, material);
     scene.motion = by_name("forward").unwrap();

@@ -6,8 +6,8 @@ use std::ops::ControlFlow;
 use glam::Vec3;
 use selvedge_data::Trajectory;
 use selvedge_view::{
-    Body, ClipSettings, Colouring, Panel, Rgb, Run, ScalarField, SheetSettings, ViewError,
-    contact_sheet, still, write_clip,
+    Body, ClipSettings, Colouring, DELAY_MS, Panel, Rgb, Run, ScalarField, SheetSettings,
+    ViewError, contact_sheet, still, write_clip,
 };
 
 /// A run to draw, alone or beside another.
@@ -76,7 +76,7 @@ pub fn picture(
 pub fn clip_pictures(trajectory: &Trajectory) -> usize {
     let last = trajectory.frame_count().saturating_sub(1);
     let seconds = last as f64 / trajectory.frame_rate();
-    (1e3 * seconds / f64::from(ClipSettings::default().delay_ms)) as usize + 1
+    (1e3 * seconds / f64::from(DELAY_MS)) as usize + 1
 }
 
 /// Writes a clip (.gif) in real time to `out`, of the same panels as [`sheet`]. `on_picture` hears of
@@ -188,7 +188,7 @@ mod tests {
 
     #[test]
     fn every_shipped_fabric_has_a_colour_in_which_folds_show() {
-        for (name, _) in selvedge_assets::materials::ALL {
+        for (name, _) in selvedge_assets::MATERIALS {
             let colour = colour_of(name).expect(name);
             // Half of the light of the darkest is lost in a fold: 64 of 255 leave 24 of 255.
             assert!(

@@ -44,45 +44,23 @@ pub fn write_trust(path: &Path, log: &[Trust], beyond: Option<&Beyond>) -> Resul
             Some(beyond) => names(beyond.by_frame.get(frame).map_or(&[], Vec::as_slice)),
             None => "unknown".to_owned(),
         };
-        let given = &trust.given;
         let replaced = trust.verdict.replaced_by();
-        vec![
-            trust.frame.to_string(),
-            trust.verdict.name().to_owned(),
-            given.largest_strain.to_string(),
-            given.smallest_strain.to_string(),
-            given.strain_rms.to_string(),
-            given.kinetic_energy.to_string(),
-            given.largest_speed.to_string(),
-            number(trust.predicted.map(|m| m.largest_strain)),
-            number(trust.correction.map(|m| m.rms)),
-            number(trust.correction.map(|m| m.largest)),
+        let mut row = vec![trust.frame.to_string(), trust.verdict.name().to_owned()];
+        row.extend(trust.numbers().map(|(_, value)| number(value)));
+        row.extend([
             replaced.map_or("", Replacement::name).to_owned(),
             trust.physics_failed.to_string(),
             trust.contact.name().to_owned(),
             beyond,
-        ]
+        ]);
+        row
     });
-    let text = csv_of(TRUST, rows);
+    let numbers = Trust::default().numbers().map(|(name, _)| name);
+    let last = ["replaced_by", "physics_failed", "contact", "beyond"];
+    let head = [&["frame", "verdict"][..], &numbers, &last].concat();
+    let text = csv_of(head, rows);
     write_atomically(path, |out| out.write_all(&text))
 }
-
-const TRUST: [&str; 14] = [
-    "frame",
-    "verdict",
-    "largest_strain",
-    "smallest_strain",
-    "strain_rms",
-    "kinetic_energy",
-    "largest_speed",
-    "predicted_strain",
-    "correction_rms",
-    "correction_largest",
-    "replaced_by",
-    "physics_failed",
-    "contact",
-    "beyond",
-];
 
 fn names(aspects: &[Aspect]) -> String {
     let names: Vec<&str> = aspects.iter().map(|aspect| aspect.name()).collect();

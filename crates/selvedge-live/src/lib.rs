@@ -12,13 +12,12 @@
 //!   [`protocol`] is the form of the messages; the page is built from `web/` and compiled in.
 //!
 //! ```
-//! use selvedge_live::{Opening, ServerSettings, Workshop, serve, start};
+//! use selvedge_live::{Opening, Workshop, serve, start};
 //!
 //! /// Serves a session until somebody presses Enter.
 //! fn watch(workshop: Box<dyn Workshop>, opening: Opening) -> std::io::Result<()> {
 //!     let session = start(workshop, opening, "recordings".into())?;
-//!     let settings = ServerSettings { address: ([127, 0, 0, 1], 0).into(), names: Vec::new() };
-//!     let server = serve(settings, &session)?;
+//!     let server = serve(([127, 0, 0, 1], 0).into(), Vec::new(), &session)?;
 //!     println!("open http://{}", server.address());
 //!     std::io::stdin().read_line(&mut String::new())?;
 //!     server.close();
@@ -61,7 +60,7 @@ pub use mover::{Influences, LiveError, LiveStepper, Mover, MoverKind, Start};
 pub use order::{Catalogue, MeshOrder, Order};
 pub use player::{NamedTrack, Replay};
 #[cfg(feature = "server")]
-pub use server::{MOST_PAGES, RunningServer, ServerSettings, serve};
+pub use server::{MOST_PAGES, RunningServer, serve};
 pub use session::{EmbeddedSession, Opening};
 #[cfg(feature = "server")]
 pub use session::{RunningSession, start};

@@ -395,15 +395,13 @@ impl Driven {
         if !far || self.offsets.len() != targets.handle_count() {
             return None;
         }
-        let handles = 0..targets.handle_count();
-        let released = handles.map(|handle| !targets.holds(handle)).collect();
         let end = targets.end().iter().zip(&mut self.offsets);
         let positions = end.map(|(target, offset)| {
             *offset *= FADING;
             *target + *offset
         });
         let shifted = HandleTargets::at_frame_end(positions.collect()).ok()?;
-        shifted.releasing(released).ok()
+        shifted.releasing(targets.let_go()).ok()
     }
 
     fn name(&self) -> &'static str {

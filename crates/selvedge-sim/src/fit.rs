@@ -12,7 +12,7 @@ use std::ops::ControlFlow;
 use web_time::Instant;
 
 use glam::DVec3;
-use selvedge_cloth::{Handles, LoosePanels, Mesh, Scene, SceneError, Stop, VertexId};
+use selvedge_cloth::{Environment, Handles, LoosePanels, Mesh, Scene, SceneError, Stop, VertexId};
 use thiserror::Error;
 
 use crate::active_handles::ActiveHandles;
@@ -331,14 +331,10 @@ fn relax(
     positions: &mut Vec<DVec3>,
     progress: Listener<'_>,
 ) -> Result<(), FitError> {
-    let mut bare = scene.clone();
-    bare.environment.gravity = DVec3::ZERO;
-    bare.environment.air_density = 0.0;
-    bare.environment.air_drag = 0.0;
     let watched = WatchedEdges::new(&scene.mesh, &scene.handles);
     let targets = scene.handles.select(scene.mesh.positions());
     for (number, part) in STAGES.into_iter().enumerate() {
-        soften(&mut bare, scene, part);
+        let bare = weightless(scene, part);
         let mut active = ActiveHandles::all(&bare).map_err(failed)?;
         let stop = Stop::default();
         active.system.stop_by(stop.clone());
@@ -380,13 +376,21 @@ fn of_neighbours(values: &[DVec3], sides: &[[usize; 2]]) -> Vec<(DVec3, u32)> {
     sums
 }
 
-/// Makes the fabrics of `bare` those of `scene`, their stiffness multiplied by `part`.
-fn soften(bare: &mut Scene, scene: &Scene, part: f64) {
-    bare.material = scene.material.clone().multiplied(part, part);
-    let fabrics = scene.fabrics.iter();
-    bare.fabrics = fabrics
-        .map(|(name, fabric)| (name.clone(), fabric.clone().multiplied(part, part)))
-        .collect();
+/// The scene without weight and air, its fabrics `part` times as stiff.
+fn weightless(scene: &Scene, part: f64) -> Scene {
+    let mut bare = scene.clone();
+    bare.environment = Environment {
+        gravity: DVec3::ZERO,
+        air_density: 0.0,
+        ..Environment::default()
+    };
+    for fabric in [&mut bare.material]
+        .into_iter()
+        .chain(bare.fabrics.values_mut())
+    {
+        *fabric = fabric.clone().multiplied(part, part);
+    }
+    bare
 }
 
 pub(crate) fn failed(cause: impl std::error::Error) -> FitError {
@@ -407,10 +411,7 @@ fn still_step(
 ) -> bool {
     let mut dt = 1.0 / scene.frame_rate;
     for _ in 0..MOST_HALVINGS {
-        let mut state = State {
-            velocities: vec![DVec3::ZERO; positions.len()],
-            positions: positions.clone(),
-        };
+        let mut state = State::at_rest(positions.clone());
         let solved = active.advance(dt, &mut state, None, targets);
         if solved.is_ok()
             && state.positions.iter().all(|p| p.is_finite())

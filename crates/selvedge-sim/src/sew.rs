@@ -48,10 +48,7 @@ pub(crate) fn sew(
     let stop = Stop::default();
     active.system.stop_by(stop.clone());
     let mass = active.system.mass().to_vec();
-    let mut state = State {
-        positions: loose.positions().to_vec(),
-        velocities: vec![DVec3::ZERO; loose.positions().len()],
-    };
+    let mut state = State::at_rest(loose.positions().to_vec());
     let seams = seams(scene, &copies, &mass, &state.positions);
     let starts = apart.handles.select(&state.positions);
     let ends = ends(scene, &copies);

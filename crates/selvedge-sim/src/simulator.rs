@@ -77,9 +77,8 @@ impl Simulator {
     /// # Errors
     /// A scene that does not validate, or a system that does not fit in memory.
     pub fn new(scene: &Scene) -> Result<Self, SimulatorError> {
-        let positions = scene.mesh.positions().to_vec();
-        let velocities = vec![DVec3::ZERO; positions.len()];
-        Self::with_state(scene, positions, velocities)
+        let start = Checkpoint::at_rest(scene.mesh.positions().to_vec());
+        Self::from_checkpoint(scene, &start)
     }
 
     /// A simulator of `scene` that starts at `positions` `[m]` with `velocities` `[m/s]`,
@@ -106,10 +105,7 @@ impl Simulator {
             rounded: vec![Vec3::ZERO; vertices],
             reached: scene.handles.select(positions),
             targets: vec![DVec3::ZERO; scene.handles.len()],
-            state: State {
-                positions: positions.to_vec(),
-                velocities: vec![DVec3::ZERO; vertices],
-            },
+            state: State::at_rest(positions.to_vec()),
             history: History::none(vertices),
             starts: [Snapshot::new(vertices), Snapshot::new(vertices)],
             frame: 0,
@@ -250,10 +246,7 @@ impl Simulator {
     pub fn substep(&mut self, dt: f64, targets: &[DVec3]) -> Result<(), StepError> {
         let (expected, found) = (self.scene.handles.len(), targets.len());
         if expected != found {
-            return Err(StepError::Handles {
-                frame: self.frame + 1,
-                source: HandleError::Count { expected, found },
-            });
+            return Err(HandleError::Count { expected, found }.at(self.frame + 1));
         }
         self.end_recording("`substep`");
         self.wake();

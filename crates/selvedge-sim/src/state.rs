@@ -17,9 +17,14 @@ pub(crate) struct State {
 impl State {
     /// A state of this number of vertices, all at the origin and at rest.
     pub(crate) fn at_origin(vertices: usize) -> Self {
+        Self::at_rest(vec![DVec3::ZERO; vertices])
+    }
+
+    /// A state at rest at `positions` `[m]`, `[vertices]`.
+    pub(crate) fn at_rest(positions: Vec<DVec3>) -> Self {
         Self {
-            positions: vec![DVec3::ZERO; vertices],
-            velocities: vec![DVec3::ZERO; vertices],
+            velocities: vec![DVec3::ZERO; positions.len()],
+            positions,
         }
     }
 

@@ -15,7 +15,7 @@ pub enum Threads {
     Pool,
 }
 
-/// Entries that one thread takes at a time.
+/// Entries that one thread takes at a time, at least.
 const CHUNK: usize = 128;
 /// Entries of a piece that is searched by itself.
 const PIECE: usize = 2048;
@@ -45,11 +45,10 @@ impl Threads {
     pub(crate) fn each<A: Send>(self, a: &mut [A], work: impl Fn(usize, &mut A) + Sync) {
         match self {
             Self::One => a.iter_mut().enumerate().for_each(|(k, a)| work(k, a)),
-            Self::Pool => a.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, a)| {
-                for (k, a) in a.iter_mut().enumerate() {
-                    work(CHUNK * chunk + k, a);
-                }
-            }),
+            Self::Pool => {
+                let entries = a.par_iter_mut().enumerate().with_min_len(CHUNK);
+                entries.for_each(|(k, a)| work(k, a));
+            }
         }
     }
 
@@ -66,12 +65,8 @@ impl Threads {
                 pairs.for_each(|(k, (a, b))| work(k, a, b));
             }
             Self::Pool => {
-                let chunks = a.par_chunks_mut(CHUNK).zip(b.par_chunks_mut(CHUNK));
-                chunks.enumerate().for_each(|(chunk, (a, b))| {
-                    for (k, (a, b)) in a.iter_mut().zip(b).enumerate() {
-                        work(CHUNK * chunk + k, a, b);
-                    }
-                });
+                let pairs = a.par_iter_mut().zip(b).enumerate().with_min_len(CHUNK);
+                pairs.for_each(|(k, (a, b))| work(k, a, b));
             }
         }
     }

@@ -44,7 +44,7 @@ pub use motion::body::Body;
 pub use motion::field::ScalarField;
 pub use motion::panel::{Colouring, Panel};
 pub use motion::run::Run;
-pub use page::clip::{ClipSettings, write_clip};
+pub use page::clip::{ClipSettings, DELAY_MS, write_clip};
 pub use page::sheet::{SheetSettings, contact_sheet, still};
 pub use raster::camera::View;
 pub use raster::renderer::Renderer;

@@ -13,6 +13,15 @@ use selvedge_live::{Influences, LiveError, LiveStepper};
 use selvedge_model::{ClothGraph, Model};
 use selvedge_sim::{Checkpoint, Simulator};
 
+/// The scene under these influences.
+fn under(scene: &Scene, influences: &Influences) -> Scene {
+    Scene {
+        handles: influences.handles.clone(),
+        environment: influences.environment,
+        ..scene.clone()
+    }
+}
+
 /// The simulator, with the scene that it was made from.
 pub(super) struct LivePhysics {
     scene: Arc<Scene>,
@@ -30,11 +39,7 @@ impl LivePhysics {
         influences: &Influences,
         state: &Checkpoint,
     ) -> Result<Self, LiveError> {
-        let held = Scene {
-            handles: influences.handles.clone(),
-            environment: influences.environment,
-            ..(**scene).clone()
-        };
+        let held = under(scene, influences);
         let mut simulator = Simulator::from_checkpoint(&held, state).map_err(LiveError::new)?;
         simulator.set_squeezed(Squeezed::Stop);
         Ok(Self {
@@ -53,15 +58,9 @@ impl LivePhysics {
 
     /// A step in which handles and bodies that are led stay where they are.
     fn step_still(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
-        let free = (0..targets.handle_count())
-            .map(|handle| !targets.holds(handle))
-            .collect();
         let still = HandleTargets::at_frame_end(self.simulator.handle_places())
-            .and_then(|still| still.releasing(free))
-            .map_err(|source| StepError::Handles {
-                frame: self.simulator.frame() + 1,
-                source,
-            })?;
+            .and_then(|still| still.releasing(targets.let_go()))
+            .map_err(|error| error.at(self.simulator.frame() + 1))?;
         let led = self.simulator.obstacle_leads();
         self.lead_bodies(&self.simulator.obstacle_offsets());
         let stepped = self.simulator.step(&still);
@@ -195,11 +194,7 @@ impl LiveModel {
     ) -> Result<Self, LiveError> {
         let held = Cloth::clone(cloth).with_handles(influences.handles.clone());
         let held = held.map_err(LiveError::new)?;
-        let held_scene = Scene {
-            handles: influences.handles.clone(),
-            environment: influences.environment,
-            ..(**scene).clone()
-        };
+        let held_scene = under(scene, influences);
         let graph = ClothGraph::of_scene(&held, &held_scene).map_err(LiveError::new)?;
         let stepper = model
             .machine

@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{anyhow, bail, ensure};
-use glam::DVec3;
 use selvedge::machine::Machine;
 use selvedge::start::Start;
 use selvedge::{Error, Event, cause, domain};
@@ -154,8 +153,7 @@ fn beginning(
     };
     let Some(found) = found else {
         let mesh = loaded.scene.mesh.positions().to_vec();
-        let still = vec![DVec3::ZERO; mesh.len()];
-        return Ok(Checkpoint::of(0, mesh, still));
+        return Ok(Checkpoint::at_rest(mesh));
     };
     remarks.extend(found.remarks);
     remarks.extend(found.warnings);

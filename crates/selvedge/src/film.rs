@@ -7,7 +7,7 @@ use anyhow::{Context, ensure};
 use selvedge_data::{Trajectory, write_beside, write_folder_atomically};
 use selvedge_lab::pictures::run_of_frames;
 use selvedge_view::{
-    ClipSettings, Colouring, Image, Panel, Renderer, Rgb, Run, Stage, View, write_clip,
+    ClipSettings, Colouring, DELAY_MS, Image, Panel, Renderer, Rgb, Run, Stage, View, write_clip,
 };
 
 use crate::output::End;
@@ -89,17 +89,14 @@ impl<'a> Film<'a> {
 
     /// Writes a clip in real time.
     pub(crate) fn write_gif(&self, path: &Path) -> anyhow::Result<End> {
+        let usual = ClipSettings::default();
         let settings = ClipSettings {
             view: self.look.view,
-            ..ClipSettings::default()
-        };
-        let settings = ClipSettings {
-            tile: self.look.size.unwrap_or(settings.tile),
-            ..settings
+            tile: self.look.size.unwrap_or(usual.tile),
         };
         let panel = self.panel();
         let seconds = self.run.time(self.run.frames().len() - 1);
-        let pictures = (1e3 * seconds / f64::from(settings.delay_ms)) as usize + 1;
+        let pictures = (1e3 * seconds / f64::from(DELAY_MS)) as usize + 1;
         let progress = Progress::new("drawing the clip", pictures, "pictures");
         let draw = |part: &Path| {
             let file = std::fs::File::create(part).context("the clip")?;

@@ -44,7 +44,6 @@ fn main() -> ExitCode {
 fn answer(cli: &Cli) -> anyhow::Result<End> {
     interrupt::install()?;
     ranks::open(commands::shares(&cli.command))?;
-    selvedge_cloth::observe_long_work(progress::observe);
     if !cli.no_cache {
         selvedge::rest_pose::keep_in_cache();
     }

@@ -2,12 +2,11 @@
 //! cannot be written; and files of bytes.
 
 use std::ffi::OsStr;
-use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use anyhow::bail;
-use selvedge_data::{ending_of, write_atomically};
+use anyhow::{anyhow, bail};
+use selvedge_data::{ending_of, folder_of, is_empty_folder, target_of, write_atomically};
 
 use crate::failure::wrong;
 
@@ -50,16 +49,8 @@ pub(crate) fn tell_of_former(named: Option<&Path>, path: &Path) {
 /// does not, or is empty.
 pub(crate) fn check_new_folder(path: &Path) -> anyhow::Result<()> {
     check_folder_above(path)?;
-    if path.exists() && !path.is_dir() {
-        bail!("{}: there is a file of this name", path.display());
-    }
-    let mut found = fs::read_dir(path).into_iter().flatten();
-    if found.next().is_some() {
-        bail!(
-            "{}: there is such a folder already, and it is not empty: choose another name, or remove it",
-            path.display()
-        );
-    }
+    let found = is_empty_folder(path);
+    found.map_err(|error| anyhow!("{}: {error}", path.display()))?;
     Ok(())
 }
 
@@ -124,26 +115,10 @@ pub(crate) fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
 
 /// The place of the bytes of a file at `path`, which may not exist yet, with links followed.
 fn place_of(path: &Path) -> PathBuf {
-    /// Links that are followed before they are taken to go round in a circle, as Linux does.
-    const MOST_LINKS: usize = 40;
-    let mut path = path.to_owned();
-    for _ in 0..MOST_LINKS {
-        let folder = folder_of(&path);
-        match fs::read_link(&path) {
-            Ok(target) => path = folder.join(target),
-            Err(_) => {
-                let folder = folder.canonicalize().unwrap_or(folder);
-                return folder.join(path.file_name().unwrap_or(OsStr::new("..")));
-            }
-        }
-    }
-    path
-}
-
-/// The folder that `path` is in.
-fn folder_of(path: &Path) -> PathBuf {
-    match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder.to_owned(),
-        _ => PathBuf::from("."),
-    }
+    path.canonicalize().unwrap_or_else(|_| {
+        let file = target_of(path).map_or_else(|_| path.to_owned(), |(file, _)| file);
+        let folder = folder_of(&file);
+        let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
+        folder.join(file.file_name().unwrap_or(OsStr::new("..")))
+    })
 }

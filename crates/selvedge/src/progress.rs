@@ -9,12 +9,10 @@ use std::io::{IsTerminal, Write};
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
-use std::thread::ThreadId;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use selvedge::{Event, Goal};
-use selvedge_cloth::LongWork;
 
 use crate::interrupt;
 
@@ -177,36 +175,6 @@ impl Progress {
             self.what,
             self.unit
         );
-    }
-}
-
-/// The work of a library without a listener that is shown, and the thread that does it.
-static SHOWN: Mutex<Option<(ThreadId, Progress)>> = Mutex::new(None);
-
-/// Shows the work of a library that has no listener of its own, one at a time, and stops it after
-/// Ctrl-C.
-pub(crate) fn observe(word: LongWork<'_>) -> ControlFlow<()> {
-    let mut shown = SHOWN.lock().unwrap_or_else(PoisonError::into_inner);
-    let own = std::thread::current().id();
-    let is_own = shown.as_ref().is_some_and(|(thread, _)| *thread == own);
-    match word {
-        LongWork::Begun { what, most } if shown.is_none() => {
-            let goal = Goal::Count(most as u64);
-            let progress = Progress::start(what.to_owned(), goal, "rounds at most");
-            *shown = Some((own, progress));
-        }
-        LongWork::Advanced if is_own => {
-            if let Some((_, progress)) = &*shown {
-                progress.count();
-            }
-        }
-        LongWork::Ended if is_own => *shown = None,
-        _ => {}
-    }
-    match word {
-        LongWork::Advanced => interrupt::flow(),
-        // Nobody listens to the answer.
-        _ => ControlFlow::Continue(()),
     }
 }
 

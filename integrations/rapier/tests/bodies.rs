@@ -44,7 +44,7 @@ fn lying(squares: usize, spacing: f64, heights: &[f64], is_held: impl Fn(DVec3) 
         .filter(|v| is_held(places[*v as usize]))
         .collect();
     let handles = Handles::new(&held, places.len()).unwrap();
-    let material: Material = toml::from_str(selvedge_assets::materials::GRAY_INTERLOCK).unwrap();
+    let material: Material = toml::from_str(selvedge_assets::MATERIALS[0].1).unwrap();
     let mesh = Mesh::new(&faces, flat, places).unwrap();
     let mut scene = Scene::of("bodies", mesh, handles, material);
     scene.environment.gravity = DVec3::Y * -GRAVITY;
@@ -296,7 +296,7 @@ fn a_swinging_bar_pushes_a_curtain_and_is_slowed() {
 fn pulled_from_under_plates(rate: f64) -> [f64; 2] {
     let mut scene = lying(16, 0.04, &[9e-4], |p| p.x > 0.31);
     scene.frame_rate = rate;
-    scene.material = toml::from_str(selvedge_assets::materials::DENIM).unwrap();
+    scene.material = toml::from_str(selvedge_assets::MATERIALS[2].1).unwrap();
     scene.contact = Some(ContactSettings {
         friction: 0.2,
         ..ContactSettings::default()

@@ -44,7 +44,8 @@ pub unsafe extern "C" fn selvedge_stepper_counts(
 ) -> SelvedgeStatus {
     with(stepper, |cloth| {
         let scene = cloth.scene().built();
-        let frames = scene.frame_count().map_err(Fault::start)?;
+        let frames = scene.frame_count();
+        let frames = frames.map_err(|error| Fault::of(SelvedgeStatus::Start, error))?;
         let counts = SelvedgeCounts {
             vertices: cloth.positions().len() as u64,
             faces: cloth.topology().faces().len() as u64,

@@ -104,9 +104,7 @@ fn a_panic_becomes_an_error_and_leaves_a_handle_that_can_only_be_freed() {
         scene: built,
         frame: 0,
     };
-    let stepper = STEPPERS
-        .keep(Run::of_stepper(&scene, Box::new(defective)).unwrap().into())
-        .unwrap();
+    let stepper = STEPPERS.keep(Run::of_stepper(&scene, Box::new(defective)).unwrap().into());
     assert_eq!(selvedge_step_along(stepper), SelvedgeStatus::Ok);
     assert_eq!(selvedge_step_along(stepper), SelvedgeStatus::Panic);
     assert!(words().contains("frame 2 is one too many"), "{}", words());

@@ -16,9 +16,6 @@ use super::boundary::{Boundary, is_within};
 use crate::error::SceneError;
 use crate::geometry::signed_area_2d;
 use crate::geometry::unit;
-use crate::long_work::Underway;
-
-const INTERRUPTED: &str = "interrupted while the mesh was being made";
 
 /// Relaxation steps between two looks at the faces.
 const ROUND: usize = 6;
@@ -46,13 +43,8 @@ pub(super) fn relaxed(
     points.extend(inside);
     let mut faces = triangulate(&points, &boundary.segments)?;
     let (mut best, mut fewest_bad) = (points.clone(), usize::MAX);
-    let what = format!("making a mesh of {} vertices", points.len());
-    let work = Underway::begin(&what, MOST_ROUNDS * ROUND);
     for _ in 0..MOST_ROUNDS {
         for _ in 0..ROUND {
-            if work.advance().is_break() {
-                return Err(SceneError(INTERRUPTED.to_owned()));
-            }
             relax_once(loops, &mut points, &faces, first_inner);
             faces = triangulate(&points, &boundary.segments)?;
         }

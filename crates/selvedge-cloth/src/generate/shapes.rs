@@ -118,31 +118,23 @@ impl Shape {
 
 fn rectangle(width: f64, height: f64) -> Cut {
     let corners = [(0.0, height), (width, height), (width, 0.0), (0.0, 0.0)];
-    Cut {
-        loops: vec![polygon(&corners)],
-        ridge: Vec::new(),
-        labels: vec![
-            ("upper-corners", Label::Corners(vec![0, 1])),
-            ("lower-corners", Label::Corners(vec![3, 2])),
-            ("upper-edge", Label::Run(0, 1)),
-        ],
-        extent: DVec2::new(width, height),
-    }
+    let labels = vec![
+        ("upper-corners", Label::Corners(vec![0, 1])),
+        ("lower-corners", Label::Corners(vec![3, 2])),
+        ("upper-edge", Label::Run(0, 1)),
+    ];
+    Cut::of(polygon(&corners), DVec2::new(width, height), labels)
 }
 
 fn wide() -> Cut {
     let corners = [(0.0, 1.0), (0.75, 1.0), (1.5, 1.0), (1.5, 0.0), (0.0, 0.0)];
-    Cut {
-        loops: vec![polygon(&corners)],
-        ridge: Vec::new(),
-        labels: vec![
-            ("upper-corners", Label::Corners(vec![0, 2])),
-            ("upper-three", Label::Corners(vec![0, 1, 2])),
-            ("lower-corners", Label::Corners(vec![4, 3])),
-            ("upper-edge", Label::Run(0, 2)),
-        ],
-        extent: DVec2::new(1.5, 1.0),
-    }
+    let labels = vec![
+        ("upper-corners", Label::Corners(vec![0, 2])),
+        ("upper-three", Label::Corners(vec![0, 1, 2])),
+        ("lower-corners", Label::Corners(vec![4, 3])),
+        ("upper-edge", Label::Run(0, 2)),
+    ];
+    Cut::of(polygon(&corners), DVec2::new(1.5, 1.0), labels)
 }
 
 fn triangle() -> Cut {
@@ -150,28 +142,21 @@ fn triangle() -> Cut {
     // Sixteenths are exact.
     let mut corners: Vec<(f64, f64)> = (0..=last).map(|k| (k as f64 / last as f64, 1.0)).collect();
     corners.push((0.5, 0.0));
-    Cut {
-        loops: vec![polygon(&corners)],
-        ridge: Vec::new(),
-        labels: vec![
-            ("upper-corners", Label::Corners(vec![0, last])),
-            ("upper-row", Label::Corners((0..=last).collect())),
-            ("upper-edge", Label::Run(0, last)),
-        ],
-        extent: DVec2::ONE,
-    }
+    let labels = vec![
+        ("upper-corners", Label::Corners(vec![0, last])),
+        ("upper-row", Label::Corners((0..=last).collect())),
+        ("upper-edge", Label::Run(0, last)),
+    ];
+    Cut::of(polygon(&corners), DVec2::ONE, labels)
 }
 
 fn diamond() -> Cut {
-    Cut {
-        loops: vec![polygon(&[(0.0, 0.5), (0.5, 1.0), (1.0, 0.5), (0.5, 0.0)])],
-        ridge: Vec::new(),
-        labels: vec![
-            ("upper-corners", Label::Corners(vec![0, 2])),
-            ("upper-three", Label::Corners(vec![0, 1, 2])),
-        ],
-        extent: DVec2::ONE,
-    }
+    let corners = [(0.0, 0.5), (0.5, 1.0), (1.0, 0.5), (0.5, 0.0)];
+    let labels = vec![
+        ("upper-corners", Label::Corners(vec![0, 2])),
+        ("upper-three", Label::Corners(vec![0, 1, 2])),
+    ];
+    Cut::of(polygon(&corners), DVec2::ONE, labels)
 }
 
 fn l_shape() -> Cut {
@@ -183,26 +168,22 @@ fn l_shape() -> Cut {
         (0.5, 0.0),
         (0.0, 0.0),
     ];
-    Cut {
-        loops: vec![polygon(&corners)],
-        ..rectangle(1.0, 1.0)
-    }
-    .without("lower-corners")
+    let mut cut = rectangle(1.0, 1.0);
+    cut.loops = vec![polygon(&corners)];
+    cut.labels.retain(|(name, _)| *name != "lower-corners");
+    cut
 }
 
 fn disc(count: usize) -> Cut {
     let radius = 0.5;
     let sides = circle_sides(radius, Shape::Disc.unit_area(), PI * radius, count);
-    Cut {
-        loops: vec![circle(DVec2::splat(0.5), radius, sides)],
-        ridge: Vec::new(),
-        // The circle starts at its upper left, an eighth of a turn before its top.
-        labels: vec![
-            ("upper-corners", Label::Corners(vec![0, sides / 4])),
-            ("upper-three", Label::Corners(vec![0, sides / 8, sides / 4])),
-        ],
-        extent: DVec2::ONE,
-    }
+    // The circle starts at its upper left, an eighth of a turn before its top.
+    let labels = vec![
+        ("upper-corners", Label::Corners(vec![0, sides / 4])),
+        ("upper-three", Label::Corners(vec![0, sides / 8, sides / 4])),
+    ];
+    let outline = circle(DVec2::splat(0.5), radius, sides);
+    Cut::of(outline, DVec2::ONE, labels)
 }
 
 fn drape_disc(count: usize) -> Cut {
@@ -246,18 +227,19 @@ fn random(seed: u64) -> Cut {
     let extent = points.iter().copied().fold(DVec2::ZERO, DVec2::max);
     // A quarter of a turn on.
     let right = (corners + 2) / 4;
-    Cut {
-        loops: vec![points],
-        ridge: Vec::new(),
-        labels: vec![("upper-corners", Label::Corners(vec![0, right]))],
-        extent,
-    }
+    let labels = vec![("upper-corners", Label::Corners(vec![0, right]))];
+    Cut::of(points, extent, labels)
 }
 
 impl Cut {
-    fn without(mut self, label: &str) -> Self {
-        self.labels.retain(|(name, _)| *name != label);
-        self
+    /// An outline without holes and without a ridge.
+    fn of(outline: Vec<DVec2>, extent: DVec2, labels: Vec<(&'static str, Label)>) -> Self {
+        Self {
+            loops: vec![outline],
+            ridge: Vec::new(),
+            labels,
+            extent,
+        }
     }
 }
 

@@ -130,11 +130,7 @@ fn check_keyframes(
     group: &KeyframeGroup,
     duration: f64,
 ) -> Result<Vec<Keyframe>, SceneError> {
-    let mut keyframes = vec![Keyframe {
-        time: 0.0,
-        translation: DVec3::ZERO,
-        rotation_deg: 0.0,
-    }];
+    let mut keyframes = vec![Keyframe::default()];
     for (k, keyframe) in group.keyframes.iter().enumerate() {
         let field = |key: &str| format!("groups[{number}].keyframes[{k}].{key}");
         let (time, angle, by) = (keyframe.time, keyframe.rotation_deg, keyframe.translation);

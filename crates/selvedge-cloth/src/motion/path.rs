@@ -155,10 +155,7 @@ impl HandlePath {
         let frame = stepper.frame();
         self.follow(frame, &stepper.handle_places());
         let targets = self.targets(frame, samples);
-        targets.map_err(|source| StepError::Handles {
-            frame: frame + 1,
-            source,
-        })
+        targets.map_err(|error| error.at(frame + 1))
     }
 
     /// Targets for the step from frame `frame` to the next, sampled `samples` times (at least

@@ -95,7 +95,7 @@ pub struct KeyframeGroup {
 }
 
 /// The place of a group at a time.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Keyframe {
     /// Time `[s]`.

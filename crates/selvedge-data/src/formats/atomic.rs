@@ -114,8 +114,11 @@ pub fn write_folder_atomically<E: From<WriteError>>(
     Ok(())
 }
 
-/// Returns true where an empty folder is there; anything else there is an error.
-fn is_empty_folder(path: &Path) -> io::Result<bool> {
+/// Returns true where an empty folder is there, false where nothing is.
+///
+/// # Errors
+/// Anything else there, and what the system says.
+pub fn is_empty_folder(path: &Path) -> io::Result<bool> {
     if path.file_name().is_none() {
         return Err(io::Error::other("the path names no folder"));
     }
@@ -179,7 +182,10 @@ fn replace<E: From<WriteError>>(
 
 /// The file to replace, `path` or what it links to in the end, which need not exist; and the
 /// permissions of what is there now.
-fn target_of(path: &Path) -> io::Result<(PathBuf, Option<fs::Permissions>)> {
+///
+/// # Errors
+/// What is no regular file, links that lead round in a circle, and what the system says.
+pub fn target_of(path: &Path) -> io::Result<(PathBuf, Option<fs::Permissions>)> {
     let mut path = path.to_owned();
     for _ in 0..=MOST_LINKS {
         if path.file_name().is_none() {
@@ -205,7 +211,8 @@ fn target_of(path: &Path) -> io::Result<(PathBuf, Option<fs::Permissions>)> {
     Err(io::Error::other("its links lead round in a circle"))
 }
 
-fn folder_of(path: &Path) -> &Path {
+/// The folder that `path` is in.
+pub fn folder_of(path: &Path) -> &Path {
     match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),

@@ -1,6 +1,7 @@
 //! How large a mesh is, and how near its vertices may be and yet be two.
 
 use glam::DVec3;
+use selvedge_cloth::geometry;
 
 /// Part of a mesh's extent up to which vertices of formats that split them coincide: single
 /// precision at some ten roundings.
@@ -23,10 +24,7 @@ pub(crate) fn unit_remedy(size: f64, key: &str) -> String {
 
 /// Longest side of the box around `positions`.
 pub(crate) fn extent(positions: &[DVec3]) -> f64 {
-    let first = positions.first().copied().unwrap_or_default();
-    let low = positions.iter().fold(first, |low, p| low.min(*p));
-    let high = positions.iter().fold(first, |high, p| high.max(*p));
-    (high - low).max_element()
+    geometry::extent(positions).max_element()
 }
 
 #[cfg(test)]

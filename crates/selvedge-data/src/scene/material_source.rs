@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use selvedge_assets::materials::ALL as MATERIALS;
+use selvedge_assets::MATERIALS;
 use selvedge_cloth::{BendTable, Compression, Isotropic, Material, StretchTable};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};

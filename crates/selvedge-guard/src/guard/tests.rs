@@ -16,7 +16,7 @@ use double::{Double, Error};
 use super::*;
 use crate::limiter::SLACK;
 
-const GRAY: &str = selvedge_assets::materials::GRAY_INTERLOCK;
+const GRAY: &str = selvedge_assets::MATERIALS[0].1;
 const FRAMES: usize = 300;
 /// Those that a guard makes good.
 const ERRORS: [Error; 5] = [

@@ -30,15 +30,6 @@ use crate::session::{RunningSession, SessionPort};
 /// Pages that may watch at once.
 pub const MOST_PAGES: usize = 32;
 
-/// The address of a server, and its names.
-#[derive(Clone, Debug)]
-pub struct ServerSettings {
-    /// The address to listen at.
-    pub address: SocketAddr,
-    /// Names under which the program may be addressed, beside `localhost` and addresses in numbers.
-    pub names: Vec<String>,
-}
-
 /// A server that runs.
 pub struct RunningServer {
     address: SocketAddr,
@@ -59,13 +50,17 @@ struct Shared {
     viewers: Arc<watch::Sender<usize>>,
 }
 
-/// Starts to serve `session`.
-pub fn serve(settings: ServerSettings, session: &RunningSession) -> io::Result<RunningServer> {
-    let listener = TcpListener::bind(settings.address)?;
+/// Starts to serve `session` at `address`; `names` are those under which the program may be addressed,
+/// beside `localhost` and addresses in numbers.
+pub fn serve(
+    address: SocketAddr,
+    names: Vec<String>,
+    session: &RunningSession,
+) -> io::Result<RunningServer> {
+    let listener = TcpListener::bind(address)?;
     listener.set_nonblocking(true)?;
     let address = listener.local_addr()?;
     let (stop, stopped) = watch::channel(false);
-    let names = settings.names;
     let shared = Shared {
         session: session.port().clone(),
         gate: Arc::new(Gate { names }),

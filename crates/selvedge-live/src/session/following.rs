@@ -1,6 +1,6 @@
 //! A motion that the handles follow, and how far they are along it.
 
-use selvedge_cloth::{HandlePath, HandleTargets};
+use selvedge_cloth::HandlePath;
 
 use crate::state::MotionState;
 
@@ -45,10 +45,4 @@ impl Following {
         let path = self.path.as_ref();
         path.is_some_and(|path| self.place.frame >= path.frame_count())
     }
-}
-
-/// Marks the handles that `targets` let go, `[handles]`.
-pub(super) fn let_go(targets: &HandleTargets) -> Vec<bool> {
-    let handles = 0..targets.handle_count();
-    handles.map(|handle| !targets.holds(handle)).collect()
 }

@@ -10,7 +10,7 @@ use selvedge_cloth::{HandleTargets, Motion};
 
 use super::Session;
 use super::commands::NO_CLOTH;
-use super::following::{Following, let_go};
+use super::following::Following;
 use crate::hand::{Hands, Reach};
 use crate::mover::Reason;
 use crate::recorder::Recorder;
@@ -168,7 +168,7 @@ impl Session {
         let place = &mut following.place;
         path.follow(place.frame, &live.handle_places());
         let targets = path.targets(place.frame, live.samples())?;
-        let before = std::mem::replace(&mut place.free, let_go(&targets));
+        let before = std::mem::replace(&mut place.free, targets.let_go());
         let now = before.iter().zip(&place.free);
         live.take_hold_in_each(now.map(|(before, now)| *before && !now));
         place.frame += 1;

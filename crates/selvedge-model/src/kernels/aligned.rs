@@ -1,96 +1,69 @@
 //! Arrays aligned to the widest vectors. A vector that straddles two lines of the first cache takes
 //! two reads, and an array of the allocator's begins 16 bytes after the start of a line.
 
+use std::marker::PhantomData;
 use std::ops::{Deref, DerefMut};
+
+use bytemuck::{Pod, Zeroable};
 
 /// Bytes of the widest vector, and of a line of the first cache.
 const LINE: usize = 64;
 
+/// A line of the first cache.
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C, align(64))]
+struct Line([u64; LINE / 8]);
+
 /// An array whose first number lies at a multiple of 64 bytes.
-#[derive(Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Aligned<T> {
-    held: Vec<T>,
-    start: usize,
+    lines: Vec<Line>,
     length: usize,
+    of: PhantomData<T>,
 }
 
-impl<T: Copy + Default> Aligned<T> {
+impl<T: Pod> Aligned<T> {
     /// An array of `length` zeros.
     pub(crate) fn zeros(length: usize) -> Self {
-        let mut array = Self::default();
-        array.resize(length);
-        array
+        Self {
+            lines: vec![Line::default(); (length * size_of::<T>()).div_ceil(LINE)],
+            length,
+            of: PhantomData,
+        }
     }
 
     /// Sets the length; new values are zero, old ones stay.
     pub(crate) fn resize(&mut self, length: usize) {
-        let before = self.length;
-        let room = LINE / size_of::<T>();
-        if length > self.held.len().saturating_sub(room) {
-            let held = vec![T::default(); length + room];
-            let start = held.as_ptr().align_offset(LINE).min(room);
-            let old = std::mem::replace(
-                self,
-                Self {
-                    held,
-                    start,
-                    length,
-                },
-            );
-            self[..before].copy_from_slice(&old);
-        } else {
-            self.length = length;
-            if length > before {
-                self[before..].fill(T::default());
-            }
+        let lines = (length * size_of::<T>()).div_ceil(LINE);
+        if lines > self.lines.len() {
+            self.lines.resize(lines, Line::default());
+        }
+        let before = std::mem::replace(&mut self.length, length);
+        if length > before {
+            self[before..].fill(T::zeroed());
         }
     }
 }
 
-impl<T> Default for Aligned<T> {
-    fn default() -> Self {
-        Self {
-            held: Vec::new(),
-            start: 0,
-            length: 0,
-        }
-    }
-}
-
-impl<T: Clone> Clone for Aligned<T> {
-    fn clone(&self) -> Self {
-        // Where the new array lies decides where its first number is.
-        let mut held = self.held.clone();
-        let start = held
-            .as_ptr()
-            .align_offset(LINE)
-            .min(held.len() - self.length);
-        held[start..start + self.length].clone_from_slice(self);
-        Self {
-            held,
-            start,
-            length: self.length,
-        }
-    }
-}
-
-impl<T: PartialEq> PartialEq for Aligned<T> {
+impl<T: Pod + PartialEq> PartialEq for Aligned<T> {
     fn eq(&self, other: &Self) -> bool {
         **self == **other
     }
 }
 
-impl<T> Deref for Aligned<T> {
+impl<T: Pod> Deref for Aligned<T> {
     type Target = [T];
 
+    #[inline]
     fn deref(&self) -> &[T] {
-        &self.held[self.start..self.start + self.length]
+        &bytemuck::cast_slice(&self.lines)[..self.length]
     }
 }
 
-impl<T> DerefMut for Aligned<T> {
+impl<T: Pod> DerefMut for Aligned<T> {
+    #[inline]
     fn deref_mut(&mut self) -> &mut [T] {
-        &mut self.held[self.start..self.start + self.length]
+        &mut bytemuck::cast_slice_mut(&mut self.lines)[..self.length]
     }
 }
 

@@ -4,12 +4,14 @@ use std::fmt::Debug;
 use std::iter::Sum;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
+use bytemuck::Pod;
+
 use crate::kernels::simd::Lanes;
 
 /// A floating-point type that the network can be evaluated in.
 pub trait Real:
     Lanes
-    + Copy
+    + Pod
     + Debug
     + Default
     + PartialOrd
@@ -24,7 +26,6 @@ pub trait Real:
     + Div<Output = Self>
     + Neg<Output = Self>
     + Sum
-    + 'static
 {
     /// 0.
     const ZERO: Self;

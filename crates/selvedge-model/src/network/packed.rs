@@ -136,7 +136,11 @@ impl Piece {
     }
 
     /// rows Wᵀ.
-    pub(crate) fn times<'a, T>(&self, weights: LayerWeights<'a, T>, rows: &'a [T]) -> Term<'a, T> {
+    pub(crate) fn times<'a, T: Real>(
+        &self,
+        weights: LayerWeights<'a, T>,
+        rows: &'a [T],
+    ) -> Term<'a, T> {
         Term {
             rows: Columns::all(rows, self.inputs()),
             packed: self.forward.of(&weights.module.forward),
@@ -144,7 +148,11 @@ impl Piece {
     }
 
     /// Gradients of outputs to those of inputs: rows W.
-    pub(crate) fn back<'a, T>(&self, weights: LayerWeights<'a, T>, rows: &'a [T]) -> Term<'a, T> {
+    pub(crate) fn back<'a, T: Real>(
+        &self,
+        weights: LayerWeights<'a, T>,
+        rows: &'a [T],
+    ) -> Term<'a, T> {
         Term {
             rows: Columns::all(rows, self.backward.depth),
             packed: self.backward.of(&weights.module.backward),

@@ -133,7 +133,7 @@ mod tests {
     /// A hanging sheet of 36 vertices that sinks through the ground, by a centimetre a frame.
     fn sinking() -> (Scene, Vec<Vec3>) {
         let mesh = square(36, 1.0, 1).unwrap().mesh;
-        let material = toml::from_str(selvedge_assets::materials::GRAY_INTERLOCK).unwrap();
+        let material = toml::from_str(selvedge_assets::MATERIALS[0].1).unwrap();
         let frames = (0..41).flat_map(|frame| {
             let way = DVec3::Y * (0.2 - 0.01 * frame as f64);
             let moved = mesh.positions().iter().map(move |p| (*p + way).as_vec3());

@@ -10,8 +10,8 @@ use glam::DVec3;
 use selvedge_cloth::{HandleTargets, Obstacle, Scene, Stepper};
 
 use super::{
-    FitError, FitProgress, Fitted, Listener, failed, largest_strain, pass, soften, springs,
-    strain_rms, tell,
+    FitError, FitProgress, Fitted, Listener, failed, largest_strain, pass, springs, strain_rms,
+    tell, weightless,
 };
 use crate::edges::FreeEdge;
 use crate::simulator::{Checkpoint, Simulator};
@@ -56,22 +56,16 @@ pub(super) fn fit_around(scene: &Scene, progress: Listener<'_>) -> Result<Fitted
 
 /// The scene with its obstacles still, without what moves or holds the cloth but itself, its
 /// stiffness multiplied by `part`.
-pub(super) fn bare(scene: &Scene, part: f64) -> Result<Scene, FitError> {
-    let mut bare = scene.clone();
-    bare.environment.gravity = DVec3::ZERO;
-    bare.environment.wind = DVec3::ZERO;
-    bare.environment.gust = None;
-    bare.environment.air_density = 0.0;
-    bare.environment.air_drag = 0.0;
+pub(super) fn bare(scene: &Scene, part: f64) -> Scene {
+    let mut bare = weightless(scene, part);
     bare.schedule.releases.clear();
-    soften(&mut bare, scene, part);
     bare.physics.max_strain = ANY_STRAIN;
     bare.physics.substeps = scene.physics.substeps.max(SUBSTEPS);
     if let Some(contact) = &mut bare.contact {
         contact.friction = 0.0;
     }
     bare.obstacles = scene.obstacles.iter().map(Obstacle::at_start).collect();
-    Ok(bare)
+    bare
 }
 
 /// Brings edges to their lengths, as far as nothing is in the way.
@@ -81,9 +75,9 @@ fn project(
     positions: &mut [DVec3],
     progress: Listener<'_>,
 ) -> Result<(), FitError> {
-    let start = bare(scene, 1.0)?;
-    let rest = vec![DVec3::ZERO; positions.len()];
-    let mut simulator = Simulator::with_state(&start, positions.to_vec(), rest)?;
+    let start = bare(scene, 1.0);
+    let at_rest = Checkpoint::at_rest(positions.to_vec());
+    let mut simulator = Simulator::from_checkpoint(&start, &at_rest)?;
     let mut wanted = positions.to_vec();
     let mut best = (f64::INFINITY, 0);
     for number in 0..PASSES {
@@ -137,17 +131,17 @@ fn relax(
 ) -> Result<(), FitError> {
     let held = scene.handles.select(positions);
     let targets = HandleTargets::at_frame_end(held).map_err(failed)?;
-    let rest = vec![DVec3::ZERO; positions.len()];
     for (stage, part) in (0..).zip(STAGES) {
-        let scene = bare(scene, part)?;
-        let mut simulator = Simulator::with_state(&scene, positions.to_vec(), rest.clone())?;
+        let scene = bare(scene, part);
+        let at_rest = Checkpoint::at_rest(positions.to_vec());
+        let mut simulator = Simulator::from_checkpoint(&scene, &at_rest)?;
         for frame in 0..FRAMES {
             if simulator.step(&targets).is_err() {
                 // What the passes and the frames before reached stays.
                 return Ok(());
             }
             positions.copy_from_slice(simulator.positions_f64());
-            simulator.restore(&Checkpoint::of(0, positions.to_vec(), rest.clone()))?;
+            simulator.restore(&Checkpoint::at_rest(positions.to_vec()))?;
             let passed = f64::from(stage * FRAMES + frame) / f64::from(3 * FRAMES);
             let done = PASSING + (1.0 - PASSING) * passed;
             let strain = largest_strain(springs, positions);

@@ -9,6 +9,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use glam::DVec3;
+use selvedge_cloth::geometry::extent;
 use selvedge_cloth::{HandleTargets, Obstacle, ObstaclePath, Scene, Stepper, VertexId};
 use selvedge_contact::{Candidates, CollisionMesh, winding};
 
@@ -164,7 +165,8 @@ fn shrink(
     let mut met = candidates.intersections(&surface, &points);
     let before = met.len();
     let mut shape = points.split_off(cloth.len());
-    let full = size(&shape);
+    // Of the diagonal of its box.
+    let full = extent(&shape).length();
     let smoothing = Smoothing::of(&shape, body.faces());
     // What meets no face of a body is in it with all of its piece, or not at all.
     let pieces = scene.mesh.topology().sheets();
@@ -198,7 +200,7 @@ fn shrink(
         met = candidates.intersections(&surface, &points);
         let is_clear = met.is_empty() && is_outside(&shape);
         clear = if is_clear { clear + 1 } else { 0 };
-        let is_small = !is_clear && size(&shape) < SMALLEST * full;
+        let is_small = !is_clear && extent(&shape).length() < SMALLEST * full;
         shapes.push(std::mem::replace(&mut shape, next));
         let now = FitProgress {
             meeting: Some(met.len()),
@@ -244,19 +246,19 @@ fn grow(
 ) -> Result<Vec<DVec3>, FitError> {
     let name = scene.obstacles[number].name();
     let frames = shapes.len() - 1;
+    let not_grown = |frame: usize, cause: String| FitError::NotGrown {
+        body: name.to_owned(),
+        percent: 100.0 * (frame as f64 / frames as f64).min(1.0),
+        cause,
+    };
     let mut simulator = growing(scene, number, shapes)?;
     let springs = springs(&scene.mesh, &scene.handles);
     let most = MOST.max(largest_strain(&springs, scene.mesh.positions()));
     let held = scene.handles.select(scene.mesh.positions());
     let targets = HandleTargets::at_frame_end(held).map_err(failed)?;
     for frame in 0..frames + LONGEST {
-        simulator
-            .step(&targets)
-            .map_err(|error| FitError::NotGrown {
-                body: name.to_owned(),
-                percent: 100.0 * (frame as f64 / frames as f64).min(1.0),
-                cause: error.to_string(),
-            })?;
+        let stepped = simulator.step(&targets);
+        stepped.map_err(|error| not_grown(frame, error.to_string()))?;
         let mut still = simulator.checkpoint();
         still.velocities.fill(DVec3::ZERO);
         still.previous = None;
@@ -272,11 +274,8 @@ fn grow(
         let done = SHRINKING + (1.0 - SHRINKING) * passed;
         let strain = largest_strain(&springs, simulator.positions_f64());
         if strain > most {
-            return Err(FitError::NotGrown {
-                body: name.to_owned(),
-                percent: 100.0 * (frame as f64 / frames as f64).min(1.0),
-                cause: format!("strains the cloth by {:.0} %", 100.0 * strain),
-            });
+            let cause = format!("strains the cloth by {:.0} %", 100.0 * strain);
+            return Err(not_grown(frame, cause));
         }
         tell(progress, FitProgress::at(done, strain))?;
     }
@@ -284,21 +283,17 @@ fn grow(
     let left = simulator.checkpoint().contact.unwrap_or_default();
     match left.released.first() {
         None => Ok(positions),
-        Some(one) => Err(FitError::NotGrown {
-            body: name.to_owned(),
-            percent: 100.0,
-            cause: format!(
-                "leaves it no room around vertex {} at {:.2} m",
-                VertexId(one.vertex),
-                positions[one.vertex as usize]
-            ),
-        }),
+        Some(one) => {
+            let (vertex, place) = (one.vertex, positions[one.vertex as usize]);
+            let cause = format!("leaves it no room around vertex {vertex} at {place:.2} m");
+            Err(not_grown(frames, cause))
+        }
     }
 }
 
 /// A simulator of the cloth with the body growing.
 fn growing(scene: &Scene, number: usize, shapes: Vec<Vec<DVec3>>) -> Result<Simulator, FitError> {
-    let mut growing = bare(scene, 1.0)?;
+    let mut growing = bare(scene, 1.0);
     // What is let through is known by its place in frame 0, where the body is whole; it starts in
     // frame 1.
     let whole = shapes[..1].to_vec();
@@ -312,13 +307,6 @@ fn growing(scene: &Scene, number: usize, shapes: Vec<Vec<DVec3>>) -> Result<Simu
     let rest = vec![DVec3::ZERO; positions.len()];
     let start = Checkpoint::of(1, positions, rest);
     Ok(Simulator::from_checkpoint(&growing, &start)?)
-}
-
-/// Diagonal of the box around `points` `[m]`.
-fn size(points: &[DVec3]) -> f64 {
-    let of = |by: fn(DVec3, DVec3) -> DVec3| points.iter().copied().reduce(by);
-    let (low, high) = (of(DVec3::min), of(DVec3::max));
-    low.zip(high).map_or(0.0, |(low, high)| low.distance(high))
 }
 
 fn farthest(from: &[DVec3], to: &[DVec3]) -> f64 {

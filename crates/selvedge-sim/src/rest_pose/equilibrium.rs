@@ -116,10 +116,7 @@ impl Relaxation {
     fn new(scene: &Scene, start: Vec<DVec3>) -> Result<Self, SolveError> {
         Ok(Self {
             system: System::with_solver(scene, LinearSolver::Cholesky)?,
-            state: State {
-                positions: start,
-                velocities: vec![DVec3::ZERO; scene.mesh.positions().len()],
-            },
+            state: State::at_rest(start),
             targets: scene.handles.select(scene.mesh.positions()),
             anderson: Anderson::new(DEPTH),
             last_step: LastStep::new(scene.mesh.positions().len()),

@@ -59,10 +59,7 @@ pub fn sag_gradient(
     let mut equilibrium = Equilibrium {
         targets: scene.handles.select(scene.mesh.positions()),
         pose: SolveTape {
-            at: State {
-                positions: positions.to_vec(),
-                velocities: zeros(),
-            },
+            at: State::at_rest(positions.to_vec()),
             changes: zeros().into(),
             collisions: Collisions::default(),
             came_from: Vec::new(),

@@ -2,7 +2,7 @@
 //! and its mesh with a smooth bulge.
 
 use glam::DVec3;
-use selvedge_cloth::geometry::{area_vector, exp};
+use selvedge_cloth::geometry::{area_vector, exp, extent};
 use selvedge_cloth::{Handles, Scene, SceneError};
 
 use super::SagError;
@@ -91,7 +91,7 @@ fn bulge_profile(scene: &Scene) -> Vec<f64> {
 fn bump(scene: &Scene, vertices: &[usize], handles: &[usize]) -> Vec<f64> {
     let at = places_of(scene);
     let places: Vec<DVec3> = vertices.iter().map(|&v| at[v]).collect();
-    let size = extent(&places);
+    let size = extent(&places).max_element();
     let handles: Vec<DVec3> = handles.iter().map(|&v| at[v]).collect();
     let middle = handles.iter().sum::<DVec3>() / handles.len() as f64;
     let mut heights: Vec<f64> = places
@@ -112,7 +112,7 @@ fn bump(scene: &Scene, vertices: &[usize], handles: &[usize]) -> Vec<f64> {
 
 /// Longest side of the mesh's box in material space, of a sewn one in the world `[m]`.
 pub(super) fn sheet_size(scene: &Scene) -> f64 {
-    extent(&places_of(scene))
+    extent(&places_of(scene)).max_element()
 }
 
 /// Places of the vertices in material space; of a sewn mesh, whose panels lie anywhere there, in
@@ -123,11 +123,4 @@ fn places_of(scene: &Scene) -> Vec<DVec3> {
         return scene.mesh.positions().to_vec();
     }
     pattern.points().iter().map(|p| p.extend(0.0)).collect()
-}
-
-/// Longest side of the box around `places` `[m]`.
-fn extent(places: &[DVec3]) -> f64 {
-    let low = places.iter().fold(places[0], |low, c| low.min(*c));
-    let high = places.iter().fold(places[0], |high, c| high.max(*c));
-    (high - low).max_element()
 }

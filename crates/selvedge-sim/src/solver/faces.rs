@@ -15,10 +15,11 @@ use crate::laws::number::{
 use crate::laws::stretch::{StretchElement, StretchLaw, StretchResponse};
 use crate::laws::stretch_energy::StretchEnergy;
 use crate::solver::elements::Linearisation;
+use crate::solver::groups::Groups;
 use crate::threads::Threads;
 
 /// Faces that are evaluated together. Those beyond the last face have no area.
-struct Group {
+pub(crate) struct Group {
     corners: [[u32; 3]; GROUP],
     element: [Row; 5],
     /// Number of each one's material.
@@ -37,13 +38,7 @@ pub(crate) struct FaceResponse<N: Number = f64> {
 const NUMBERS: usize = 24;
 
 /// The faces of a cloth, evaluated.
-pub(crate) struct Faces {
-    count: usize,
-    groups: Vec<Group>,
-    responses: Vec<[Row; NUMBERS]>,
-    /// Impulse on each corner `[N s]`, of whole groups.
-    impulses: Vec<[DVec3; 3]>,
-}
+pub(crate) type Faces = Groups<Group, 3, NUMBERS>;
 
 /// Blocks of a face's corners in its part of the matrix: 00, 10, 11, 20, 21, 22.
 #[derive(Clone, Copy)]
@@ -186,21 +181,12 @@ impl Faces {
                 group
             })
             .collect();
-        Self {
-            count: faces.len(),
-            responses: vec![[[0.0; GROUP]; NUMBERS]; groups.len()],
-            impulses: vec![[DVec3::ZERO; 3]; groups.len() * GROUP],
-            groups,
-        }
-    }
-
-    pub(crate) fn count(&self) -> usize {
-        self.count
+        Self::of(faces.len(), groups)
     }
 
     pub(crate) fn corners(&self) -> impl Iterator<Item = [u32; 3]> {
         let corners = self.groups.iter().flat_map(|group| group.corners);
-        corners.take(self.count)
+        corners.take(self.count())
     }
 
     pub(crate) fn elements(&self) -> impl Iterator<Item = (StretchElement, u32)> {
@@ -208,19 +194,13 @@ impl Faces {
             let element = |lane| StretchElement::of(of_lane(&group.element, lane));
             (0..GROUP).map(move |lane| (element(lane), group.materials[lane]))
         });
-        lanes.take(self.count)
+        lanes.take(self.count())
     }
 
     pub(crate) fn response(&self, face: usize) -> FaceResponse {
         let (group, lane) = (face / GROUP, face % GROUP);
         let element = StretchElement::of(of_lane(&self.groups[group].element, lane));
         FaceResponse::of(element, of_lane(&self.responses[group], lane))
-    }
-
-    /// Impulse on a corner of a face `[N s]`.
-    #[inline]
-    pub(crate) fn impulse(&self, face: usize, corner: usize) -> DVec3 {
-        self.impulses[face][corner]
     }
 
     /// Evaluates the faces, side by side where a group has one material.
@@ -285,18 +265,6 @@ impl Faces {
             scale,
             ninth,
             blocks,
-        });
-    }
-
-    fn each(
-        &mut self,
-        threads: Threads,
-        work: impl Fn(&Group, &mut [Row; NUMBERS], &mut [[DVec3; 3]; GROUP]) + Sync,
-    ) {
-        let (groups, responses) = (&self.groups, &mut self.responses);
-        let (impulses, _) = self.impulses.as_chunks_mut();
-        threads.each_pair(responses, impulses, |k, response, impulses| {
-            work(&groups[k], response, impulses);
         });
     }
 }

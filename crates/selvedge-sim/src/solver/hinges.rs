@@ -10,6 +10,7 @@ use crate::laws::number::{
     GROUP, Lanes, LanesVector, Number, Row, Vector, gather, of_lane, of_lanes, scatter, set_lane,
 };
 use crate::solver::elements::Linearisation;
+use crate::solver::groups::Groups;
 use crate::threads::Threads;
 
 /// An interior edge with its corners in the order of [`BendElement`].
@@ -21,7 +22,7 @@ pub(crate) struct Hinge {
 }
 
 /// Hinges that are evaluated together. Those beyond the last are copies of the first.
-struct Group {
+pub(crate) struct Group {
     corners: [[u32; 4]; GROUP],
     element: [Row; 8],
     damping: Row,
@@ -41,13 +42,7 @@ pub(crate) struct HingeResponse<N: Number = f64> {
 const NUMBERS: usize = 14;
 
 /// The hinges of a cloth, evaluated.
-pub(crate) struct Hinges {
-    count: usize,
-    groups: Vec<Group>,
-    responses: Vec<[Row; NUMBERS]>,
-    /// Impulse on each corner `[N s]`, of whole groups.
-    impulses: Vec<[DVec3; 4]>,
-}
+pub(crate) type Hinges = Groups<Group, 4, NUMBERS>;
 
 impl<N: Number> HingeResponse<N> {
     #[inline(always)]
@@ -136,28 +131,19 @@ impl Hinges {
                 group
             })
             .collect();
-        Self {
-            count: hinges.len(),
-            responses: vec![[[0.0; GROUP]; NUMBERS]; groups.len()],
-            impulses: vec![[DVec3::ZERO; 4]; groups.len() * GROUP],
-            groups,
-        }
-    }
-
-    pub(crate) fn count(&self) -> usize {
-        self.count
+        Self::of(hinges.len(), groups)
     }
 
     pub(crate) fn corners(&self) -> impl Iterator<Item = [u32; 4]> {
         let corners = self.groups.iter().flat_map(|group| group.corners);
-        corners.take(self.count)
+        corners.take(self.count())
     }
 
     pub(crate) fn elements(&self) -> impl Iterator<Item = BendElement> {
         let lanes = self.groups.iter().flat_map(|group| {
             (0..GROUP).map(|lane| BendElement::of(of_lane(&group.element, lane)))
         });
-        lanes.take(self.count)
+        lanes.take(self.count())
     }
 
     /// Damping of a hinge `[s]`.
@@ -167,12 +153,6 @@ impl Hinges {
 
     pub(crate) fn response(&self, hinge: usize) -> HingeResponse {
         HingeResponse::of(of_lane(&self.responses[hinge / GROUP], hinge % GROUP))
-    }
-
-    /// Impulse on a corner of a hinge `[N s]`.
-    #[inline]
-    pub(crate) fn impulse(&self, hinge: usize, corner: usize) -> DVec3 {
-        self.impulses[hinge][corner]
     }
 
     pub(crate) fn evaluate(&mut self, threads: Threads, law: ElasticLaw, at: Linearisation<'_>) {
@@ -209,18 +189,6 @@ impl Hinges {
             response: &self.responses[group],
             scale,
             roots,
-        });
-    }
-
-    fn each(
-        &mut self,
-        threads: Threads,
-        work: impl Fn(&Group, &mut [Row; NUMBERS], &mut [[DVec3; 4]; GROUP]) + Sync,
-    ) {
-        let (groups, responses) = (&self.groups, &mut self.responses);
-        let (impulses, _) = self.impulses.as_chunks_mut();
-        threads.each_pair(responses, impulses, |k, response, impulses| {
-            work(&groups[k], response, impulses);
         });
     }
 }

@@ -13,6 +13,7 @@ mod elements;
 mod even;
 mod faces;
 mod gauss_seidel;
+mod groups;
 mod hinges;
 mod ordering;
 mod pattern;

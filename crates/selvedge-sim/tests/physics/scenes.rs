@@ -8,10 +8,10 @@ use selvedge_cloth::{
 use selvedge_sim::Simulator;
 use selvedge_sim::laws::stretch::StretchElement;
 
-pub(crate) const GRAY: &str = selvedge_assets::materials::GRAY_INTERLOCK;
-pub(crate) const CAMEL: &str = selvedge_assets::materials::CAMEL_PONTE_ROMA;
-pub(crate) const DENIM: &str = selvedge_assets::materials::DENIM;
-pub(crate) const NAVY: &str = selvedge_assets::materials::NAVY_SPARKLE_SWEAT;
+pub(crate) const GRAY: &str = selvedge_assets::MATERIALS[0].1;
+pub(crate) const CAMEL: &str = selvedge_assets::MATERIALS[1].1;
+pub(crate) const DENIM: &str = selvedge_assets::MATERIALS[2].1;
+pub(crate) const NAVY: &str = selvedge_assets::MATERIALS[3].1;
 
 /// The generalised-α method where it is BDF2.
 pub(crate) const BDF2: Integrator = Integrator::GeneralisedAlpha(GeneralisedAlpha {

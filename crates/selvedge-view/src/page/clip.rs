@@ -23,9 +23,6 @@ pub struct ClipSettings {
     pub tile: [u32; 2],
     /// The direction from which it is taken.
     pub view: View,
-    /// Time between two pictures `[ms]`: a multiple of 10 from 20 to 1000. Viewers slow down what
-    /// is faster.
-    pub delay_ms: u16,
 }
 
 impl Default for ClipSettings {
@@ -33,17 +30,19 @@ impl Default for ClipSettings {
         Self {
             tile: [320, 320],
             view: View::default(),
-            delay_ms: 50,
         }
     }
 }
 
+/// Time between two pictures `[ms]`: a multiple of 10, and not under 20, as viewers slow down what is
+/// faster.
+pub const DELAY_MS: u16 = 50;
 /// Pictures that the palette is chosen from.
 const PALETTE_SAMPLES: usize = 8;
 /// A pixel that is nearer than this to what is shown stays: two or three levels per channel, which
 /// the eye does not see and which would double the file.
 const TOLERANCE: u32 = 40;
-/// Pictures of a clip at most: five hours and a half at the shortest delay.
+/// Pictures of a clip at most: fourteen hours.
 const MOST_PICTURES: usize = 1_000_000;
 
 /// Writes `panels` side by side under a title (may be empty) as a GIF that repeats for ever. After
@@ -56,10 +55,9 @@ pub fn write_clip(
     settings: &ClipSettings,
     progress: &mut dyn FnMut() -> ControlFlow<()>,
 ) -> Result<ControlFlow<()>, ViewError> {
-    settings.validate()?;
     check_panels(panels)?;
-    check_length(panels[0].run, settings.delay_ms)?;
-    let frames = frames_at(panels[0].run, settings.delay_ms);
+    check_length(panels[0].run)?;
+    let frames = frames_at(panels[0].run);
     let mut studio = Studio::new(title, panels, settings)?;
     let palette = studio.palette(&frames)?;
     let [width, height] = studio.size();
@@ -68,7 +66,7 @@ pub fn write_clip(
         palette,
         shown: vec![UNCHANGED; usize::from(width) * usize::from(height)],
         size: [width, height].map(usize::from),
-        delay: settings.delay_ms / 10,
+        delay: DELAY_MS / 10,
     };
     recorder.encoder.set_repeat(gif::Repeat::Infinite)?;
     let mut end = ControlFlow::Continue(());
@@ -83,49 +81,38 @@ pub fn write_clip(
     Ok(end)
 }
 
-impl ClipSettings {
-    fn validate(&self) -> Result<(), ViewError> {
-        let delay = self.delay_ms;
-        if !((20..=1000).contains(&delay) && delay.is_multiple_of(10)) {
-            let expected = "a multiple of 10 from 20 to 1000";
-            return Err(ViewError::setting("delay_ms", expected, delay));
-        }
-        Ok(())
-    }
-}
-
 /// The frame nearest to each multiple of the delay, to the end of the run.
-fn frames_at(run: &Run<'_>, delay_ms: u16) -> Vec<usize> {
+fn frames_at(run: &Run<'_>) -> Vec<usize> {
     let last = run.frames().len() - 1;
-    let per_picture = frames_per_picture(run, delay_ms);
-    let count = delays_in(run, delay_ms) as usize + 1;
+    let per_picture = frames_per_picture(run);
+    let count = delays_in(run) as usize + 1;
     (0..count)
         .map(|k| ((k as f64 * per_picture).round() as usize).min(last))
         .collect()
 }
 
 /// Checks that the pictures can be counted and drawn.
-fn check_length(run: &Run<'_>, delay_ms: u16) -> Result<(), ViewError> {
-    if delays_in(run, delay_ms) < MOST_PICTURES as f64 {
+fn check_length(run: &Run<'_>) -> Result<(), ViewError> {
+    if delays_in(run) < MOST_PICTURES as f64 {
         return Ok(());
     }
     let (frames, rate) = (run.frames().len(), run.frame_rate());
-    let expected = "of at most 1000000 pictures (raise delay_ms, or mend the frame rate)";
+    let expected = "of at most 1000000 pictures (mend the frame rate)";
     let found = format!("{frames} frames at {rate:e} frames per second");
     Err(ViewError::setting("the clip", expected, found))
 }
 
 /// The length of the run in delays.
-fn delays_in(run: &Run<'_>, delay_ms: u16) -> f64 {
+fn delays_in(run: &Run<'_>) -> f64 {
     match run.frames().len() - 1 {
         0 => 0.0,
         // Half a thousandth of a picture: 3 s at 50 ms must not lose its last one to rounding.
-        last => last as f64 / frames_per_picture(run, delay_ms) + 5e-4,
+        last => last as f64 / frames_per_picture(run) + 5e-4,
     }
 }
 
-fn frames_per_picture(run: &Run<'_>, delay_ms: u16) -> f64 {
-    f64::from(delay_ms) * 1e-3 * run.frame_rate()
+fn frames_per_picture(run: &Run<'_>) -> f64 {
+    f64::from(DELAY_MS) * 1e-3 * run.frame_rate()
 }
 
 /// Makes the pictures of a clip.

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 use selvedge_data::{Trajectory, ending_of};
-use selvedge_live::{NamedTrack, Opening, Replay, RunningServer, ServerSettings, serve, start};
+use selvedge_live::{NamedTrack, Opening, Replay, RunningServer, serve, start};
 use selvedge_workshop::SceneWorkshop;
 use serde_json::json;
 
@@ -38,11 +38,8 @@ pub(crate) fn run(args: &ViewArgs) -> anyhow::Result<Answer> {
     };
     let session = start(Box::new(workshop), opening, args.recordings.clone());
     let session = session.context("starting the session")?;
-    let settings = ServerSettings {
-        address: args.address,
-        names: args.allow_host.clone(),
-    };
-    let server = serve(settings, &session).with_context(|| {
+    let names = args.allow_host.clone();
+    let server = serve(args.address, names, &session).with_context(|| {
         format!(
             "{}: cannot be listened at (another address with --address)",
             args.address

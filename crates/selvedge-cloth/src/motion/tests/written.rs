@@ -60,13 +60,13 @@ fn unknown_and_missing_keys_are_named() {
 
 #[test]
 fn the_shipped_examples_play() {
-    let the_loop = selvedge_assets::motions::LOOP;
+    let the_loop = include_str!("../../../../../assets/motions/loop.toml");
     let motion: Motion = toml::from_str(the_loop).unwrap();
     let path = bound(&motion);
     assert_eq!(path.frame_count(), 390);
     // Each swing from 0.02 to -0.02 ends 0.02 m short of where it began: the two cancel.
     assert!(path.at(2.5)[0].distance(corners()[0]) < 1e-13);
-    let curtsey = selvedge_assets::motions::CURTSEY;
+    let curtsey = include_str!("../../../../../assets/motions/curtsey.toml");
     let motion: Motion = toml::from_str(curtsey).unwrap();
     let path = bound(&motion);
     assert_eq!(path.at(6.0), [0, 1].map(|k| corners()[k] + DVec3::X * 0.4));

@@ -102,11 +102,7 @@ pub(super) fn mesh(path: &str, bytes: &[u8], warnings: &mut Vec<String>) -> Resu
         let triangles = triangles_of_body(&places);
         faces.extend(triangles.iter().map(|t| t.map(|k| corners[k])));
     }
-    Ok(Body {
-        points,
-        faces,
-        core: None,
-    })
+    Ok(Body::of(points, faces))
 }
 
 /// A warning where the file at `path`, of which the scene takes no motion, has one. A shipped body

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use glam::Vec3;
-use selvedge_live::{Mover, Opening, RunningServer, RunningSession, ServerSettings, serve, start};
+use selvedge_live::{Mover, Opening, RunningServer, RunningSession, serve, start};
 use serde_json::Value;
 use tungstenite::client::IntoClientRequest;
 use tungstenite::http::Request;
@@ -41,11 +41,8 @@ pub(crate) fn served(cost: Duration, folder: PathBuf) -> Served {
         ..TestWorkshop::default()
     });
     let session = start(workshop, opening, folder).unwrap();
-    let settings = ServerSettings {
-        address: SocketAddr::from(([127, 0, 0, 1], 0)),
-        names: vec![NAME.to_owned()],
-    };
-    let server = serve(settings, &session).unwrap();
+    let address = SocketAddr::from(([127, 0, 0, 1], 0));
+    let server = serve(address, vec![NAME.to_owned()], &session).unwrap();
     Served { session, server }
 }
 

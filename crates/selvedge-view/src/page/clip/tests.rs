@@ -11,7 +11,6 @@ const SETTINGS: ClipSettings = ClipSettings {
         elevation: 14.0,
     },
     tile: [48, 40],
-    delay_ms: 50,
 };
 
 /// A triangle that moves sideways and, in the second half, stands still.
@@ -102,25 +101,21 @@ fn clip(panels: &[Panel<'_>], settings: &ClipSettings) -> Vec<u8> {
 
 #[test]
 fn a_clip_lasts_as_long_as_its_run() {
-    // 3 s at 60 and at 24 frames per second, 50 ms and 30 ms.
-    for (rate, count, delay_ms) in [(60.0, 181, 50), (24.0, 73, 50), (60.0, 181, 30)] {
-        let settings = ClipSettings {
-            delay_ms,
-            ..SETTINGS
-        };
-        let bytes = on_run(count, rate, |run| clip(&[panel("one", run)], &settings));
+    // 3 s at 60 and at 24 frames per second.
+    for (rate, count) in [(60.0, 181), (24.0, 73)] {
+        let bytes = on_run(count, rate, |run| clip(&[panel("one", run)], &SETTINGS));
         let played = play(&bytes);
         // Pictures at 0, d, 2 d, ... 3 s.
-        assert_eq!(played.pictures.len(), 3000 / usize::from(delay_ms) + 1);
-        assert!(played.delays.iter().all(|&delay| 10 * delay == delay_ms));
+        assert_eq!(played.pictures.len(), 61);
+        assert!(played.delays.iter().all(|&delay| delay == 5));
         assert_eq!(played.repeat, gif::Repeat::Infinite);
     }
 }
 
 #[test]
 fn frames_are_those_nearest_to_each_moment() {
-    // 24 frames per second every 100 ms: 0, 2.4, 4.8, 7.2, 9.6, 12, ...
-    let found = on_run(25, 24.0, |run| frames_at(run, 100));
+    // 48 frames per second every 50 ms: 0, 2.4, 4.8, 7.2, 9.6, 12, ...
+    let found = on_run(25, 48.0, frames_at);
     assert_eq!(found, [0, 2, 5, 7, 10, 12, 14, 17, 19, 22, 24]);
 }
 
@@ -130,7 +125,7 @@ fn decoded_pixels_are_the_pictures_within_the_tolerance() {
         let panels = ["truth", "prediction"].map(|label| panel(label, run));
         let played = play(&clip(&panels, &SETTINGS));
         let mut studio = Studio::new("Title", &panels, &SETTINGS).unwrap();
-        let numbers = frames_at(run, SETTINGS.delay_ms);
+        let numbers = frames_at(run);
         let mut palette = studio.palette(&numbers).unwrap();
         assert_eq!(played.palette[..palette.table().len()], palette.table());
         assert_eq!(played.size, studio.size().map(usize::from));
@@ -174,26 +169,17 @@ fn a_stopped_clip_is_whole() {
 
 #[test]
 fn settings_out_of_range_are_errors_that_name_them() {
-    let of = |delay_ms, tile| ClipSettings {
-        delay_ms,
-        tile,
-        ..SETTINGS
-    };
+    let of = |tile| ClipSettings { tile, ..SETTINGS };
     on_run(3, 60.0, |run| {
         let panels = [panel("", run); 3];
         for (count, settings, words) in [
             (
                 1,
-                of(35, [48, 40]),
-                "delay_ms must be a multiple of 10 from 20 to 1000, found 35",
-            ),
-            (
-                1,
-                of(50, [0, 40]),
+                of([0, 40]),
                 "tile is 0 x 40 pixels: both must be between 1 and 65535",
             ),
             (0, SETTINGS, "at least one run"),
-            (3, of(50, [40_000, 40]), "page is 120"),
+            (3, of([40_000, 40]), "page is 120"),
         ] {
             let text = refused(&panels[..count], settings);
             assert!(text.contains(words), "{text}");

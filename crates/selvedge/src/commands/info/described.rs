@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use glam::DVec3;
-use selvedge_cloth::geometry::signed_area_2d;
+use selvedge_cloth::geometry::{bounds, signed_area_2d};
 use selvedge_cloth::{Handles, Mesh, Obstacle, ObstaclePath};
 use selvedge_data::{
     MeshFileError, MeshOptions, Rig, read_mesh, size_warning, strain_warnings, worst_edges,
@@ -137,16 +137,7 @@ pub(super) fn of_obstacle(obstacle: &Obstacle) -> Value {
 
 /// The box around `points`, and the least, the mean and the largest length between `ends` `[m]`.
 pub(super) fn size(points: &[DVec3], ends: impl Iterator<Item = [usize; 2]>) -> Value {
-    let low = points
-        .iter()
-        .copied()
-        .reduce(DVec3::min)
-        .unwrap_or_default();
-    let high = points
-        .iter()
-        .copied()
-        .reduce(DVec3::max)
-        .unwrap_or_default();
+    let [low, high] = bounds(points);
     let lengths: Vec<f64> = ends.map(|[a, b]| points[a].distance(points[b])).collect();
     let mean = lengths.iter().sum::<f64>() / lengths.len().max(1) as f64;
     let least = lengths.iter().copied().reduce(f64::min).unwrap_or_default();
