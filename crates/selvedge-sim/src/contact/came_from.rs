@@ -133,10 +133,12 @@ impl Contact {
                     },
                 }
             };
-            let tape = |collision: &Collision| {
+            let tape = |(at, collision): (usize, &Collision)| {
+                // From the same place of the list on, where most are found.
                 let known = || {
                     let pushed = last.map_or(&[][..], |solve| &solve.collisions.list);
                     let all = pushed.iter().enumerate();
+                    let all = all.clone().skip(at).chain(all.take(at));
                     all.filter(|(_, own)| own.pair == collision.pair)
                 };
                 let goes_on = known().find(|(_, own)| own.is_shaped_as(collision));
@@ -171,7 +173,8 @@ impl Contact {
                 };
                 tape
             };
-            solve.came_from = solve.collisions.list.iter().map(tape).collect();
+            let list = solve.collisions.list.iter().enumerate();
+            solve.came_from = list.map(tape).collect();
             let places = solve
                 .at
                 .positions
