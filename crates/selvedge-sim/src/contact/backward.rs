@@ -12,13 +12,13 @@ use std::array::from_fn;
 use glam::DVec3;
 use selvedge_cloth::Touching;
 use selvedge_contact::number::{Dual, Number, Vector};
-use selvedge_contact::{Kind, gap, weights};
+use selvedge_contact::{Kind, weights};
 
 use super::barrier::{Barrier, Tangent};
 use super::came_from::{At, CollisionTape, ShapeOrigin, ShapeTape, Share};
 use super::collisions::{Collision, Collisions, PairLaw, RECOVERY, SHEAR, Sticking};
 use super::friction::along_surface;
-use super::narrow_phase::{BULGE, edge_share, round_share};
+use super::narrow_phase::{distance, edge_share, round_share};
 
 /// Difference of a slip as a part of it, from which it is not what the start tells.
 const SAME: f64 = 1e-7;
@@ -247,16 +247,18 @@ impl Collisions {
         &self,
         came_from: &[CollisionTape],
         places: Places<'_>,
-        slopes: &[AnchorSlope],
+        mut slopes: Vec<AnchorSlope>,
         by: &mut PlaceSlopes<'_>,
         shapes: &mut Vec<ShapeSlopes>,
     ) {
         shapes.resize(self.list.len(), [0.0; SHAPE]);
+        slopes.sort_by_key(|slope| slope.of);
         for ((collision, tape), shape) in self.list.iter().zip(came_from).zip(shapes) {
-            let own = |slope: &&AnchorSlope| {
-                collision.anchored == Some(slope.of) && collision.normal == slope.normal
-            };
-            let sum: DVec3 = slopes.iter().filter(own).map(|slope| slope.by).sum();
+            let first = slopes.partition_point(|slope| Some(slope.of) < collision.anchored);
+            let of = slopes[first..].iter();
+            let of = of.take_while(|slope| collision.anchored == Some(slope.of));
+            let own = of.filter(|slope| collision.normal == slope.normal);
+            let sum: DVec3 = own.map(|slope| slope.by).sum();
             if sum != DVec3::ZERO {
                 collision.pull_back(tape, places, Value::Pull(sum), by, shape);
             }
@@ -364,18 +366,14 @@ impl Collision {
     ) -> ForceSlopes {
         let (normal, gamma, time) = (self.normal, places.gamma, places.time);
         let mut slopes = ForceSlopes::default();
-        if let PairLaw::Out = self.law {
-            // It counts as decided but for where it ends.
+        let PairLaw::Barrier { share } = self.law else {
+            // A push out of a body counts as decided but for where it ends.
             if let Value::Work(multipliers) = value {
                 let along = weighted(self.weights, multipliers).dot(normal) * gamma;
                 let stiffness = self.response.tangent.stiffness;
                 slopes.by_displacements[1] = normal * (-along * stiffness);
             }
             return slopes;
-        }
-        let share = match self.law {
-            PairLaw::Barrier { share } => share,
-            PairLaw::Out => 0.0,
         };
         let gap_at = |displacement: DVec3| self.gap + normal.dot(displacement);
         let scalars = [
@@ -506,19 +504,26 @@ impl Collision {
         let normal = if met.is_some() { between.normalize() } else { self.normal };
         let mut by_weights: [f64; 4] = from_fn(|k| slopes[WEIGHTS + k]);
         let mut by_normal = slope(slopes, NORMAL);
-        if slopes[SHARE] != 0.0 {
-            let of = (parts, normal, slopes[SHARE]);
-            self.pull_share(
-                from,
-                of,
-                &mut by_starts,
-                by,
-                (&mut by_weights, &mut by_normal),
-            );
-        }
-        if slopes[HALF] != 0.0 {
-            let (_, slopes_of) = distance_slopes(kind, starts);
-            (0..4).for_each(|k| by_starts[k] += slopes_of[k] * (0.5 * slopes[HALF]));
+        if slopes[SHARE] != 0.0 || slopes[HALF] != 0.0 {
+            let by_both = [slopes[SHARE], slopes[HALF]];
+            let slopes = self.share_slopes(from, (parts, normal), by_both);
+            for k in 0..4 {
+                by_starts[k] += slope(&slopes, 3 * k);
+                by_weights[k] += slopes[24 + k];
+                let Share::Edges(wings) = from.share else {
+                    continue;
+                };
+                let Some((vertex, place)) = wings.as_flattened()[k] else {
+                    continue;
+                };
+                let slope = slope(&slopes, 12 + 3 * k);
+                match (by.start.get_mut(vertex), from.obstacle) {
+                    (Some(sum), _) => *sum += slope,
+                    (None, Some(obstacle)) => by.obstacles[obstacle][0].push(place, slope),
+                    (None, None) => {}
+                }
+            }
+            by_normal += slope(&slopes, 28);
         }
         for (by_start, weight) in by_starts.iter_mut().zip(parts) {
             *by_start += normal * (by_gap * weight);
@@ -592,97 +597,53 @@ impl Collision {
         }
     }
 
-    /// Adds the derivatives of the part of the barrier, times `by_share`: by corners, weights and normal, and by
-    /// the vertices beside two edges.
-    fn pull_share(
+    /// The derivatives of its part of the barrier times `by_share`, and of half of the distance at the start times
+    /// `by_half`: by corners at the start, by vertices beside two edges, and where it meets on a way by weights of
+    /// the corners and by the direction.
+    fn share_slopes(
         &self,
         from: &ShapeTape,
-        (parts, normal, by_share): ([f64; 4], DVec3, f64),
-        by_starts: &mut [DVec3; 4],
-        by: &mut PlaceSlopes<'_>,
-        (by_weights, by_normal): (&mut [f64; 4], &mut DVec3),
-    ) {
-        let starts = from.starts;
-        match from.share {
-            Share::Fixed => {}
-            Share::Round => {
-                let share = round_share::<f64>(from.kind, starts, self.thickness);
-                if share <= 0.0 || share >= 1.0 {
-                    return;
-                }
-                let (own, core) = match from.kind {
-                    Kind::VertexFace => (1..4, [0; 3]),
-                    Kind::EdgeEdge => (0..2, [2, 3, 3]),
-                };
-                let ends = own.map(|end| {
-                    let corners = [end, core[0], core[1], core[2]];
-                    let at = corners.map(|k| starts[k]);
-                    (corners, distance_slopes(Kind::VertexFace, at))
-                });
-                let nearest = ends.min_by(|(_, (a, _)), (_, (b, _))| a.total_cmp(b));
-                let scale = by_share / (self.thickness * BULGE);
-                let mut spread = |corners: [usize; 4], slopes: [DVec3; 4], scale: f64| {
-                    for (k, slope) in corners.into_iter().zip(slopes) {
-                        by_starts[k] += slope * scale;
-                    }
-                };
-                if let Some((corners, (_, slopes))) = nearest {
-                    spread(corners, slopes, scale);
-                }
-                spread([0, 1, 2, 3], distance_slopes(from.kind, starts).1, -scale);
-            }
-            Share::Edges(wings) => {
-                let has_way = from.way.is_some();
-                let flat = wings.as_flattened();
-                let mut numbers = [0.0; 31];
-                for k in 0..4 {
-                    set(&mut numbers, 3 * k, starts[k]);
-                    set(
-                        &mut numbers,
-                        12 + 3 * k,
-                        flat[k].map_or(DVec3::ZERO, |(_, place)| place),
-                    );
-                    numbers[24 + k] = parts[k];
-                }
-                set(&mut numbers, 28, normal);
-                let wanted = |number: usize| match number {
-                    12..24 => flat[(number - 12) / 3].is_some(),
-                    24.. => has_way,
-                    _ => true,
-                };
-                let slopes = slopes_of(&numbers, wanted, |numbers| {
-                    let places = four(numbers, 12);
-                    let wing = |edge: usize, side: usize| {
-                        wings[edge][side].map(|_| places[2 * edge + side])
-                    };
-                    let wings = [[wing(0, 0), wing(0, 1)], [wing(1, 0), wing(1, 1)]];
-                    let weights = from_fn(|k| numbers[24 + k]);
-                    let normal = vector(numbers, 28);
-                    edge_share(four(numbers, 0), wings, weights, normal, self.thickness)
-                });
-                for k in 0..4 {
-                    by_starts[k] += slope(&slopes, 3 * k) * by_share;
-                    by_weights[k] += slopes[24 + k] * by_share;
-                    let Some((vertex, place)) = flat[k] else {
-                        continue;
-                    };
-                    let slope = slope(&slopes, 12 + 3 * k) * by_share;
-                    match (by.start.get_mut(vertex), from.obstacle) {
-                        (Some(sum), _) => *sum += slope,
-                        (None, Some(obstacle)) => by.obstacles[obstacle][0].push(place, slope),
-                        (None, None) => {}
-                    }
-                }
-                *by_normal += slope(&slopes, 28) * by_share;
-            }
+        (parts, normal): ([f64; 4], DVec3),
+        [by_share, by_half]: [f64; 2],
+    ) -> [f64; 31] {
+        let wings = match from.share {
+            Share::Edges(wings) => wings.map(|side| side.map(|wing| wing.map(|(_, place)| place))),
+            Share::Fixed | Share::Round => Default::default(),
+        };
+        let flat = wings.as_flattened();
+        let mut numbers = [0.0; 31];
+        for k in 0..4 {
+            set(&mut numbers, 3 * k, from.starts[k]);
+            set(&mut numbers, 12 + 3 * k, flat[k].unwrap_or_default());
         }
+        numbers[24..28].copy_from_slice(&parts);
+        set(&mut numbers, 28, normal);
+        let wanted = |number: usize| match number {
+            ..12 => true,
+            12..24 => flat[(number - 12) / 3].is_some(),
+            _ => from.way.is_some() && matches!(from.share, Share::Edges(_)),
+        };
+        slopes_of(&numbers, wanted, |numbers| {
+            let (starts, beside) = (four(numbers, 0), four(numbers, 12));
+            let thickness = self.thickness;
+            let share = match from.share {
+                _ if by_share == 0.0 => numbers[0].same(0.0),
+                Share::Fixed => numbers[0].same(0.0),
+                Share::Round => round_share(from.kind, starts, thickness),
+                Share::Edges(_) => {
+                    let wing = |k: usize| flat[k].map(|_| beside[k]);
+                    let wings = [[wing(0), wing(1)], [wing(2), wing(3)]];
+                    let (weights, normal) = (from_fn(|k| numbers[24 + k]), vector(numbers, 28));
+                    edge_share(starts, wings, weights, normal, thickness)
+                }
+            };
+            let half = match by_half {
+                0.0 => numbers[0].same(0.0),
+                _ => distance::<Dual<RATES>>(from.kind, starts) * 0.5,
+            };
+            share * by_share + half * by_half
+        })
     }
-}
-
-/// Distance of the features of a pair, and its derivatives by their corners.
-fn distance_slopes(kind: Kind, corners: [DVec3; 4]) -> (f64, [DVec3; 4]) {
-    let gap = gap(kind, corners);
-    (gap.distance, gap.weights.map(|weight| gap.normal * weight))
 }
 
 /// Adds the derivatives of the weights of closest points by the corners to `by`. With b = Σ w x between the

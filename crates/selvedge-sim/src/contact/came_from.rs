@@ -213,8 +213,6 @@ impl Contact {
         let met = way.places::<f64>(kind, radius, starts, [starts, way.to]);
         let has_way = gap(kind, met).normal.distance(collision.normal) < SAME;
         let share = self.share_tape(collision, &pair, radius > 0.0, met);
-        let mut anchors = self.memory.anchors.iter();
-        let is_own = |anchor: &&FrictionAnchor| collision.goes_on_from(anchor);
         let shape = ShapeTape {
             kind,
             starts,
@@ -227,13 +225,14 @@ impl Contact {
             way: has_way.then_some(way),
             share,
         };
+        let of = collision.anchored;
         CollisionTape {
             shape: ShapeOrigin::Own(Box::new(shape)),
             has_way,
             has_share: !matches!(share, Share::Fixed),
             at: At::Fixed,
             slid: None,
-            anchor: anchors.find(is_own).copied(),
+            anchor: of.and_then(|of| self.anchor(of, collision.normal).copied()),
         }
     }
 
@@ -266,7 +265,7 @@ impl Contact {
         } else {
             return Share::Fixed;
         };
-        if (found - share).abs() < SAME { from } else { Share::Fixed }
+        if share < 1.0 && (found - share).abs() < SAME { from } else { Share::Fixed }
     }
 }
 

@@ -18,7 +18,7 @@ use crate::threads::Threads;
 
 /// Depth of a fold at the nearer end of two edges that cross, as a part of the thickness, from
 /// which they push in full.
-pub(super) const BULGE: f64 = 0.5;
+const BULGE: f64 = 0.5;
 /// The same that what is between vertices may be nearer to a round body than they, without a push.
 const SLIGHT: f64 = 0.25;
 /// Sine of the angle of two edges from which they push in full.

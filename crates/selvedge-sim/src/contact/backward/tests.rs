@@ -1,7 +1,6 @@
 //! Forward rates of what touches, for the reference of the adjoint.
 
 use super::*;
-use crate::contact::narrow_phase::distance;
 use crate::contact::real::Real;
 
 type V = <Dual as Number>::Vector;
