@@ -2,9 +2,10 @@
 //! next substep, by the places from which they came.
 //!
 //! The force of a collision is one function of its shape (direction, weights, gap, masses), where its corners were
-//! expected, where they end, and the pull of its anchor; the shape is one of corners at the start. Evaluated with
-//! dual numbers they give a derivative by each. A pair keeps its shape over the solves of a substep, so
-//! derivatives by it are added up, and taken to its corners once. Which pairs push and the branches of their
+//! expected, where they end, and the pull of its anchor; the shape is one of corners at the start. Both go
+//! backwards by hand but for what dual numbers do: the laws of a gap, the share of two edges, and the way to where a
+//! pair meets. A pair keeps its shape over the solves of a substep, so derivatives by it are added up, and taken to
+//! its corners once. Which pairs push and the branches of their
 //! laws count as decided, and so does the gap that a pair missed in the last substep needed.
 
 use std::array::from_fn;
@@ -557,9 +558,8 @@ impl Collision {
                 (0..4).for_each(|k| by_starts[k] += by_met[k]);
             } else {
                 let mut numbers = [0.0; 24];
-                for k in 0..4 {
-                    set(&mut numbers, 3 * k, starts[k]);
-                    set(&mut numbers, 12 + 3 * k, way.to[k]);
+                for (k, place) in starts.into_iter().chain(way.to).enumerate() {
+                    set(&mut numbers, 3 * k, place);
                 }
                 let slopes = slopes_of(
                     &numbers,
@@ -612,9 +612,9 @@ impl Collision {
         };
         let flat = wings.as_flattened();
         let mut numbers = [0.0; 31];
-        for k in 0..4 {
-            set(&mut numbers, 3 * k, from.starts[k]);
-            set(&mut numbers, 12 + 3 * k, flat[k].unwrap_or_default());
+        let beside = flat.iter().map(|wing| wing.unwrap_or_default());
+        for (k, place) in from.starts.into_iter().chain(beside).enumerate() {
+            set(&mut numbers, 3 * k, place);
         }
         numbers[24..28].copy_from_slice(&parts);
         set(&mut numbers, 28, normal);
