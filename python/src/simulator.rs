@@ -1,6 +1,6 @@
 //! The solver: steps, its state, and the gradients of a run.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use numpy::{IntoPyArray, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
@@ -84,8 +84,9 @@ impl Simulator {
     /// first, `velocities` those by the velocities. It has, all float64: `positions`, `velocities`
     /// (n, 3) by the start; `targets` (frames, samples, handles, 3); `obstacles` (frames + 1, obstacles,
     /// 2, 3) by a translation and a rotation about the origin of each; `gravity`, `wind` (3,);
-    /// `air_density`, `air_drag`; `rest_angles` (edges,); and `materials`, a list of dictionaries
-    /// with `density`, `damping`, `stretch` (6, 4) and `bend` (3, 5).
+    /// `air_density`, `air_drag`; `rest_angles` (edges,); `pattern` (points, 2) by the points of the pattern,
+    /// of which point v is that of vertex v; and `materials`, a list of dictionaries with `density`, `damping`,
+    /// `stretch` (6, 4) and `bend` (3, 5).
     #[pyo3(signature = (positions=None, velocities=None))]
     fn backward<'py>(
         slf: &Bound<'py, Self>,
@@ -207,6 +208,8 @@ fn gradient_dict<'py>(
         let rows = flat.len() / columns;
         flat.to_vec().into_pyarray(py).reshape([rows, columns])
     };
+    let points: Vec<f64> = gradient.pattern.iter().flat_map(DVec2::to_array).collect();
+    made.set_item("pattern", table(&points, 2)?)?;
     let materials = PyList::empty(py);
     for material in &gradient.materials {
         let by = PyDict::new(py);

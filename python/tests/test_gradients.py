@@ -46,6 +46,10 @@ def test_slopes_are_those_of_differences(swung):
     assert found["targets"].shape == (6, 1, 2, 3)
     fabric = found["materials"][0]
     assert fabric["stretch"].shape == (6, 4) and fabric["bend"].shape == (3, 5)
+    # Nothing depends on where in the plane the pattern lies.
+    by_points = found["pattern"]
+    assert by_points.shape == (36, 2) and np.abs(by_points).max() > 0
+    assert np.abs(by_points.sum(axis=0)).max() < 1e-9 * np.abs(by_points).max()
 
     def value(density):
         values = swung.material.to_dict() | {"density": density}

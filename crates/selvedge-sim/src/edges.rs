@@ -8,15 +8,16 @@ pub(crate) struct FreeEdge {
     pub(crate) ends: [usize; 2],
     /// Parts of a change of length that the ends take: halves, or all of it beside a held end.
     pub(crate) parts: [f64; 2],
-    /// Length in the pattern `[m]`.
+    /// Length in the pattern `[m]`, and the edge's number.
     pub(crate) length: f64,
+    pub(crate) number: usize,
 }
 
 /// The edges of `mesh` that are not `held` at both ends, `[vertices]`.
 pub(crate) fn free_edges(mesh: &Mesh, held: &[bool]) -> Vec<FreeEdge> {
     let edges = mesh.topology().edges().iter();
-    let edges = edges.zip(mesh.pattern().edge_lengths());
-    let free = edges.filter_map(|(edge, length)| {
+    let edges = edges.zip(mesh.pattern().edge_lengths()).enumerate();
+    let free = edges.filter_map(|(number, (edge, length))| {
         let ends = edge.vertices.map(VertexId::index);
         let parts = match ends.map(|v| held[v]) {
             [false, false] => [0.5, 0.5],
@@ -28,6 +29,7 @@ pub(crate) fn free_edges(mesh: &Mesh, held: &[bool]) -> Vec<FreeEdge> {
             ends,
             parts,
             length,
+            number,
         })
     });
     free.collect()

@@ -332,8 +332,9 @@ class Simulator(Stepper):
         first, `velocities` those by the velocities. It has, all float64: `positions`, `velocities`
         (n, 3) by the start; `targets` (frames, samples, handles, 3); `obstacles` (frames + 1, obstacles,
         2, 3) by a translation and a rotation about the origin of each; `gravity`, `wind` (3,);
-        `air_density`, `air_drag`; `rest_angles` (edges,); and `materials`, a list of dictionaries
-        with `density`, `damping`, `stretch` (6, 4) and `bend` (3, 5)."""
+        `air_density`, `air_drag`; `rest_angles` (edges,); `pattern` (points, 2) by the points of the pattern,
+        of which point v is that of vertex v; and `materials`, a list of dictionaries with `density`, `damping`,
+        `stretch` (6, 4) and `bend` (3, 5)."""
     @property
     def kinetic_energy(self) -> float:
         """Kinetic energy [J]."""

@@ -16,7 +16,7 @@ use crate::lists::Lists;
 use crate::threads::Threads;
 
 /// Cosine of two directions from which they count as the same side.
-pub(super) const SAME_SIDE: f64 = 0.7;
+const SAME_SIDE: f64 = 0.7;
 /// Part of the push at no gap that a pair bears firmly: at 0.9 of the thickness.
 const FIRM: f64 = 0.01;
 /// Pairs that a vertex of the cloth meets first, of which each is caught. With one of them cloth
@@ -344,11 +344,16 @@ impl Contact {
 
     /// Pull that the anchor of a feature has left on this side `[N]`.
     fn pull(&self, of: Touching, normal: DVec3) -> DVec3 {
+        self.anchor(of, normal)
+            .map_or(DVec3::ZERO, |anchor| along_surface(normal, anchor.pull))
+    }
+
+    /// The anchor of a feature on this side.
+    pub(super) fn anchor(&self, of: Touching, normal: DVec3) -> Option<&FrictionAnchor> {
         let anchors = &self.memory.anchors;
         let first = anchors.partition_point(|anchor| anchor.of < of);
         let mut own = anchors[first..].iter().take_while(|a| a.of == of);
         own.find(|anchor| anchor.normal.dot(normal) > SAME_SIDE)
-            .map_or(DVec3::ZERO, |anchor| along_surface(normal, anchor.pull))
     }
 
     /// Takes the anchors from what touched in the last solve, at its end, which is this `part` of

@@ -2,21 +2,24 @@
 //! next substep, by the places from which they came.
 //!
 //! The force of a collision is one function of its shape (direction, weights, gap, masses), where its corners were
-//! expected, where they end, and the pull of its anchor; the shape is one of corners at the start. Evaluated with
-//! dual numbers they give a derivative by each. A pair keeps its shape over the solves of a substep, so
-//! derivatives by it are added up, and taken to its corners once. Which pairs push and the branches of their
+//! expected, where they end, and the pull of its anchor; the shape is one of corners at the start. Both go
+//! backwards by hand but for what dual numbers do: the laws of a gap, the share of two edges, and the way to where a
+//! pair meets. A pair keeps its shape over the solves of a substep, so derivatives by it are added up, and taken to
+//! its corners once. Which pairs push and the branches of their
 //! laws count as decided, and so does the gap that a pair missed in the last substep needed.
+
+use std::array::from_fn;
 
 use glam::DVec3;
 use selvedge_cloth::Touching;
 use selvedge_contact::number::{Dual, Number, Vector};
-use selvedge_contact::weights;
+use selvedge_contact::{Kind, weights};
 
 use super::barrier::{Barrier, Tangent};
 use super::came_from::{At, CollisionTape, ShapeOrigin, ShapeTape, Share};
 use super::collisions::{Collision, Collisions, PairLaw, RECOVERY, SHEAR, Sticking};
+use super::friction::along_surface;
 use super::narrow_phase::{distance, edge_share, round_share};
-use super::real::Real;
 
 /// Difference of a slip as a part of it, from which it is not what the start tells.
 const SAME: f64 = 1e-7;
@@ -107,20 +110,6 @@ const MASS: usize = 12;
 const SHARE: usize = 13;
 const HALF: usize = 14;
 const SHAPE: usize = 15;
-/// Numbers of a collision's force: its shape; Σ w x of the cloth's corners beyond their places, where they were
-/// expected and where they end; pull of the anchor; Σ w x where an earlier solve has shown that it slides.
-const EXPECTED: usize = SHAPE;
-const END: usize = EXPECTED + 3;
-const ANCHOR: usize = END + 3;
-const SLID: usize = ANCHOR + 3;
-const FORCE: usize = SLID + 3;
-/// Numbers from which a shape comes: corners at the start; ends of the way on which the pair meets, of obstacles
-/// those of the substep; vertices beside two edges; inverse masses of the corners.
-const STARTS: usize = 0;
-const ENDS: usize = 12;
-const WINGS: usize = 24;
-const INVERSE: usize = 36;
-const CAME_FROM: usize = 40;
 /// Numbers by which derivatives are taken at once.
 const RATES: usize = 12;
 
@@ -160,7 +149,7 @@ fn vector<N: Number>(numbers: &[N], first: usize) -> N::Vector {
 }
 
 fn four<N: Number>(numbers: &[N], first: usize) -> [N::Vector; 4] {
-    std::array::from_fn(|k| vector(numbers, first + 3 * k))
+    from_fn(|k| vector(numbers, first + 3 * k))
 }
 
 fn set(numbers: &mut [f64], first: usize, vector: DVec3) {
@@ -175,9 +164,48 @@ fn lift<N: Number>(one: N, vector: DVec3) -> N::Vector {
     N::Vector::of(vector.to_array().map(|component| one.same(component)))
 }
 
-/// The part of `vector` across `normal`.
-fn across<N: Number>(normal: N::Vector, vector: N::Vector) -> N::Vector {
-    vector - normal * normal.dot(vector)
+fn add(slopes: &mut [f64], first: usize, vector: DVec3) {
+    for (sum, component) in slopes[first..].iter_mut().zip(vector.to_array()) {
+        *sum += component;
+    }
+}
+
+/// Adds `by` times the rates of `number`.
+fn add_rates<const K: usize>(sums: &mut [f64; K], number: Dual<K>, by: f64) {
+    for (sum, rate) in sums.iter_mut().zip(number.rates) {
+        *sum += rate * by;
+    }
+}
+
+/// These numbers, each with a direction of its own.
+fn variables<const K: usize>(values: [f64; K]) -> [Dual<K>; K] {
+    from_fn(|k| {
+        let mut rates = [0.0; K];
+        rates[k] = 1.0;
+        Dual {
+            value: values[k],
+            rates,
+        }
+    })
+}
+
+/// Σ w x.
+fn weighted<const K: usize>(weights: [f64; K], vectors: [DVec3; K]) -> DVec3 {
+    let parts = vectors.into_iter().zip(weights);
+    parts.map(|(vector, weight)| vector * weight).sum()
+}
+
+/// Derivatives of a value of a collision.
+#[derive(Default)]
+struct ForceSlopes {
+    /// By its gap, part of the barrier, masses, and half of the distance at the start.
+    by_scalars: [f64; 5],
+    by_weights: [f64; 4],
+    by_normal: DVec3,
+    /// By displacements where it was expected, where it ends, and where it has slid.
+    by_displacements: [DVec3; 3],
+    /// By the pull of the anchor at the start.
+    by_pull: DVec3,
 }
 
 impl Collisions {
@@ -220,16 +248,18 @@ impl Collisions {
         &self,
         came_from: &[CollisionTape],
         places: Places<'_>,
-        slopes: &[AnchorSlope],
+        mut slopes: Vec<AnchorSlope>,
         by: &mut PlaceSlopes<'_>,
         shapes: &mut Vec<ShapeSlopes>,
     ) {
         shapes.resize(self.list.len(), [0.0; SHAPE]);
+        slopes.sort_by_key(|slope| slope.of);
         for ((collision, tape), shape) in self.list.iter().zip(came_from).zip(shapes) {
-            let own = |slope: &&AnchorSlope| {
-                collision.anchored == Some(slope.of) && collision.normal == slope.normal
-            };
-            let sum: DVec3 = slopes.iter().filter(own).map(|slope| slope.by).sum();
+            let first = slopes.partition_point(|slope| Some(slope.of) < collision.anchored);
+            let of = slopes[first..].iter();
+            let of = of.take_while(|slope| collision.anchored == Some(slope.of));
+            let own = of.filter(|slope| collision.normal == slope.normal);
+            let sum: DVec3 = own.map(|slope| slope.by).sum();
             if sum != DVec3::ZERO {
                 collision.pull_back(tape, places, Value::Pull(sum), by, shape);
             }
@@ -259,23 +289,6 @@ impl Collision {
         self.corners.map(|corner| value(corner).unwrap_or_default())
     }
 
-    /// What its force is a function of, as the solve had it.
-    fn force_numbers(&self, tape: &CollisionTape) -> [f64; FORCE] {
-        let mut numbers = [0.0; FORCE];
-        numbers[..NORMAL].copy_from_slice(&self.weights);
-        set(&mut numbers, NORMAL, self.normal);
-        numbers[GAP] = self.gap;
-        set(&mut numbers, DRIFT, self.drift);
-        (numbers[MEAN_MASS], numbers[MASS]) = (self.mean_mass, self.mass);
-        if let PairLaw::Barrier { share } = self.law {
-            numbers[SHARE] = share;
-        }
-        numbers[HALF] = self.at.unwrap_or_default();
-        let pull = tape.anchor.map_or(DVec3::ZERO, |anchor| anchor.pull);
-        set(&mut numbers, ANCHOR, pull);
-        numbers
-    }
-
     /// Adds the derivatives of `value`, those by its shape to `shape`.
     fn pull_back(
         &self,
@@ -285,27 +298,45 @@ impl Collision {
         by: &mut PlaceSlopes<'_>,
         shape: &mut ShapeSlopes,
     ) {
-        let cloth = places.end.len();
-        let is_cloth = self.corners.map(|corner| (corner as usize) < cloth);
-        let numbers = self.force_numbers(tape);
-        let wanted = |number: usize| match number {
-            ..NORMAL => tape.has_way && is_cloth[number],
-            GAP => true,
-            DRIFT..MEAN_MASS => tape.has_way && is_cloth.contains(&false),
-            NORMAL..SHARE => tape.has_way,
-            SHARE => tape.has_share,
-            HALF => matches!(tape.at, At::Half),
-            ANCHOR..SLID => tape.anchor.is_some(),
-            SLID.. => tape.slid.is_some(),
-            _ => true,
-        };
-        let slopes = slopes_of(&numbers, wanted, |numbers| {
-            self.value(tape, places, value, numbers)
-        });
-        for (sum, slope) in shape.iter_mut().zip(slopes) {
-            *sum += slope;
+        let is_cloth = self
+            .corners
+            .map(|corner| (corner as usize) < places.end.len());
+        let starts = self.of_cloth(places.start);
+        let since_start = |at: [DVec3; 4]| -> [DVec3; 4] { from_fn(|k| at[k] - starts[k]) };
+        let own = [
+            since_start(self.of_cloth(places.expected)),
+            since_start(self.of_cloth(places.end)),
+            since_start(tape.slid.as_deref().map_or(starts, |(_, places)| *places)),
+        ];
+        let parts = [1.0, places.part, f64::from(u8::from(tape.slid.is_some()))];
+        // Displacements of the first side against the second: where it was expected, where it ends, and where an
+        // earlier solve has shown that it slides.
+        let displacements = from_fn(|k| self.drift * parts[k] + weighted(self.weights, own[k]));
+        let slopes = self.slopes(tape, places, value, displacements);
+        let sums = [GAP, SHARE, MEAN_MASS, MASS, HALF].into_iter();
+        for (number, slope) in sums.zip(slopes.by_scalars) {
+            let counts = match number {
+                SHARE => tape.has_share,
+                HALF => matches!(tape.at, At::Half),
+                MEAN_MASS | MASS => tape.has_way,
+                _ => true,
+            };
+            shape[number] += if counts { slope } else { 0.0 };
         }
-        let [expected, end, slid] = [EXPECTED, END, SLID].map(|first| slope(&slopes, first));
+        let by_displacements = slopes.by_displacements;
+        if tape.has_way {
+            for k in (0..4).filter(|k| is_cloth[*k]) {
+                shape[k] += slopes.by_weights[k];
+                shape[k] += (0..3)
+                    .map(|d| by_displacements[d].dot(own[d][k]))
+                    .sum::<f64>();
+            }
+            add(shape, NORMAL, slopes.by_normal);
+            if is_cloth.contains(&false) {
+                add(shape, DRIFT, weighted(parts, by_displacements));
+            }
+        }
+        let [expected, end, slid] = by_displacements;
         for k in (0..4).filter(|k| is_cloth[*k]) {
             let (corner, weight) = (self.corners[k] as usize, self.weights[k]);
             by.start[corner] -= (expected + end + slid) * weight;
@@ -320,255 +351,346 @@ impl Collision {
             by.anchors.push(AnchorSlope {
                 of: anchor.of,
                 normal: anchor.normal,
-                by: slope(&slopes, ANCHOR),
+                by: slopes.by_pull,
             });
         }
     }
 
+    /// The derivatives of `value` with these displacements. Those of barrier, pressure and inertia are by dual
+    /// numbers, the rest by hand.
+    fn slopes(
+        &self,
+        tape: &CollisionTape,
+        places: Places<'_>,
+        value: Value,
+        [expected, end, slid]: [DVec3; 3],
+    ) -> ForceSlopes {
+        let (normal, gamma, time) = (self.normal, places.gamma, places.time);
+        let mut slopes = ForceSlopes::default();
+        let PairLaw::Barrier { share } = self.law else {
+            // A push out of a body counts as decided but for where it ends.
+            if let Value::Work(multipliers) = value {
+                let along = weighted(self.weights, multipliers).dot(normal) * gamma;
+                let stiffness = self.response.tangent.stiffness;
+                slopes.by_displacements[1] = normal * (-along * stiffness);
+            }
+            return slopes;
+        };
+        let gap_at = |displacement: DVec3| self.gap + normal.dot(displacement);
+        let scalars = [
+            self.gap,
+            share,
+            self.mean_mass,
+            self.mass,
+            self.at.unwrap_or_default(),
+            gap_at(expected),
+            gap_at(end),
+            gap_at(slid),
+        ];
+        let [gap, share, mean_mass, mass, half, estimate, at_end, at_slid] = variables(scalars);
+        let inertia = mass * (1.0 / (time * time));
+        let barrier = Barrier {
+            thickness: self.thickness,
+            base: mean_mass * (1.0 / (time * time)),
+            share,
+            inertia: mass * (1.0 / (gamma * gamma)),
+            pressure: self.pressure,
+            recovery: RECOVERY / time,
+        };
+        let tangent: Tangent<Dual<8>> = match self.at {
+            None => barrier.linearise(gap, estimate),
+            Some(at) => barrier.at(match tape.at {
+                At::Fixed => gap.same(at),
+                At::Start => gap,
+                At::Half => half,
+            }),
+        };
+        let grip = match self.pressure.firm(gap, self.thickness) {
+            Some(firm) => inertia.greater(firm.stiffness * SHEAR),
+            None => inertia,
+        };
+        let bearing = |gap| tangent.force_at(gap).at_least(0.0) * self.friction;
+        let anchor = tape.anchor.map_or(DVec3::ZERO, |anchor| anchor.pull);
+        let pull = along_surface(normal, anchor);
+        let slip_at = |displacement| along_surface(normal, pull / grip.value + displacement);
+        let slip = slip_at(end);
+        // Derivatives by the slip at the end; by another one, and whose that is.
+        let (mut by_slip, mut by_other) = (DVec3::ZERO, None);
+        let mut by_grip = 0.0;
+        let mut rates = [0.0; 8];
+        match value {
+            Value::Pull(by) => {
+                let most = bearing(at_end);
+                let (stiffness, length) = (grip.value, slip.length());
+                if most.value > 0.0 && stiffness * length <= most.value {
+                    (by_slip, by_grip) = (by * stiffness, by.dot(slip));
+                } else if most.value > 0.0 {
+                    let direction = slip / length;
+                    by_slip = along_surface(direction, by) * (most.value / length);
+                    add_rates(&mut rates, most, by.dot(direction));
+                }
+            }
+            Value::Work(multipliers) => {
+                let by = weighted(self.weights, multipliers) * gamma;
+                let usual = barrier.bears(&tangent, gap, estimate) * self.friction;
+                let (at, of, most) = match self.sticking {
+                    Sticking::Sticks => (DVec3::ZERO, None, usual),
+                    Sticking::Unknown | Sticking::Light => (slip_at(expected), Some(0), usual),
+                    Sticking::Slides(at, bound) => {
+                        let (first, of, most) = match tape.slid {
+                            Some(_) => (slip_at(slid), 2, bearing(at_slid)),
+                            None => (slip_at(expected), 0, usual),
+                        };
+                        // What an earlier end told counts as decided.
+                        if at.distance(first) <= SAME * at.length() + ROUNDING {
+                            (first, Some(of), most)
+                        } else {
+                            (at, None, gap.same(bound))
+                        }
+                    }
+                };
+                let (stiffness, length) = (grip.value, at.length());
+                let holds = matches!(self.sticking, Sticking::Sticks);
+                let force = tangent.force_at(at_end);
+                let drag = if holds || stiffness * length <= most.value {
+                    (by_slip, by_grip) = (by * -stiffness, -by.dot(slip));
+                    slip * -stiffness
+                } else {
+                    let (u, part) = (at / length, most.value / length);
+                    let (turned, across) = (along_surface(u, slip), along_surface(u, by));
+                    by_slip = across * -part;
+                    add_rates(&mut rates, most, -(by.dot(u) + by.dot(turned) / length));
+                    let by_u = (by * u.dot(slip) + slip * by.dot(u)) * part - by * most.value;
+                    let by_length = part / length * by.dot(turned);
+                    by_other = of.map(|of| (of, (along_surface(u, by_u) / length) + u * by_length));
+                    u * -most.value - turned * part
+                };
+                add_rates(&mut rates, force, by.dot(normal));
+                slopes.by_normal += by * force.value;
+                let whole = (normal * force.value + drag) * gamma;
+                slopes.by_weights = multipliers.map(|multiplier| multiplier.dot(whole));
+            }
+        }
+        for (of, by_slip) in [Some((1, by_slip)), by_other].into_iter().flatten() {
+            let at = pull / grip.value + [expected, end, slid][of];
+            slopes.by_normal -= by_slip * normal.dot(at) + at * normal.dot(by_slip);
+            let by = along_surface(normal, by_slip);
+            slopes.by_displacements[of] += by;
+            slopes.by_pull += by / grip.value;
+            by_grip -= by.dot(pull) / (grip.value * grip.value);
+        }
+        slopes.by_normal -= slopes.by_pull * normal.dot(anchor);
+        add_rates(&mut rates, grip, by_grip);
+        for (k, displacement) in [expected, end, slid].into_iter().enumerate() {
+            slopes.by_displacements[k] += normal * rates[5 + k];
+            slopes.by_normal += displacement * rates[5 + k];
+            rates[0] += rates[5 + k];
+        }
+        slopes.by_scalars.copy_from_slice(&rates[..5]);
+        slopes
+    }
+
     /// Adds the derivatives by what the shape came from, of these `slopes` by its numbers.
     fn pull_shape(&self, from: &ShapeTape, slopes: &ShapeSlopes, by: &mut PlaceSlopes<'_>) {
-        let wings = match from.share {
-            Share::Edges(wings) => wings,
-            Share::Fixed | Share::Round => Default::default(),
-        };
-        let wings = wings.as_flattened();
-        let (by_ends, solve) = from.way.map_or(([0.0; 3], 0), |way| (way.by, way.solve));
-        let to = from.way.map_or(from.ends, |way| way.to);
-        let mut numbers = [0.0; CAME_FROM];
-        for k in 0..4 {
-            set(&mut numbers, STARTS + 3 * k, from.starts[k]);
-            set(&mut numbers, ENDS + 3 * k, to[k]);
-            let wing = wings[k].map_or(DVec3::ZERO, |(_, place)| place);
-            set(&mut numbers, WINGS + 3 * k, wing);
-        }
-        numbers[INVERSE..].copy_from_slice(&from.inverse);
-        let has_way = from.way.is_some();
-        let wanted = |number: usize| match number {
-            ENDS..WINGS => has_way && (!from.is_cloth[(number - ENDS) / 3] || by_ends != [0.0; 3]),
-            WINGS..INVERSE => wings[(number - WINGS) / 3].is_some(),
-            INVERSE.. => has_way && numbers[number] > 0.0,
-            _ => true,
-        };
-        let slopes = slopes_of(&numbers, wanted, |numbers| {
-            let mut value = numbers[0].same(0.0);
-            for (number, slope) in self.shape(from, slopes, numbers).iter().zip(slopes) {
-                value = value + *number * *slope;
-            }
-            value
+        let (kind, starts) = (from.kind, from.starts);
+        let mut by_starts = [DVec3::ZERO; 4];
+        let mut by_ends = [DVec3::ZERO; 4];
+        let (by_gap, by_drift) = (slopes[GAP], slope(slopes, DRIFT));
+        let met = from.way.map(|way| {
+            let to = [starts, way.to];
+            way.places::<f64>(kind, from.radius, starts, to)
         });
+        let parts = met.map_or(self.weights, |met| weights::<f64>(kind, met));
+        let between = met.map_or(self.normal, |met| weighted(parts, met));
+        let normal = if met.is_some() { between.normalize() } else { self.normal };
+        let mut by_weights: [f64; 4] = from_fn(|k| slopes[WEIGHTS + k]);
+        let mut by_normal = slope(slopes, NORMAL);
+        if slopes[SHARE] != 0.0 || slopes[HALF] != 0.0 {
+            let by_both = [slopes[SHARE], slopes[HALF]];
+            let slopes = self.share_slopes(from, (parts, normal), by_both);
+            for k in 0..4 {
+                by_starts[k] += slope(&slopes, 3 * k);
+                by_weights[k] += slopes[24 + k];
+                let Share::Edges(wings) = from.share else {
+                    continue;
+                };
+                let Some((vertex, place)) = wings.as_flattened()[k] else {
+                    continue;
+                };
+                let slope = slope(&slopes, 12 + 3 * k);
+                match (by.start.get_mut(vertex), from.obstacle) {
+                    (Some(sum), _) => *sum += slope,
+                    (None, Some(obstacle)) => by.obstacles[obstacle][0].push(place, slope),
+                    (None, None) => {}
+                }
+            }
+            by_normal += slope(&slopes, 28);
+        }
+        for (by_start, weight) in by_starts.iter_mut().zip(parts) {
+            *by_start += normal * (by_gap * weight);
+        }
+        if let (Some(way), Some(met)) = (from.way, met) {
+            by_normal += weighted(parts, starts) * by_gap + from.turn.transpose() * by_drift;
+            let by_between = along_surface(normal, by_normal) / between.length();
+            let free = || (0..4).filter(|k| from.inverse[*k] > 0.0);
+            let square = |k: usize| parts[k] * parts[k];
+            let squares: f64 = free().map(square).sum();
+            let mean = free().map(|k| square(k) / from.inverse[k]).sum::<f64>() / squares;
+            let mass = 1.0 / free().map(|k| square(k) * from.inverse[k]).sum::<f64>();
+            let (by_mean, by_mass) = (slopes[MEAN_MASS] / squares, slopes[MASS] * mass * mass);
+            for k in free() {
+                let own = from.inverse[k];
+                by_weights[k] += 2.0 * parts[k] * (by_mean * (1.0 / own - mean) - by_mass * own);
+                by.masses[self.corners[k] as usize] += square(k) * (by_mean + by_mass * own * own);
+            }
+            let mut by_met = [DVec3::ZERO; 4];
+            for k in 0..4 {
+                by_weights[k] += by_between.dot(met[k]) + by_gap * normal.dot(starts[k]);
+                by_met[k] = by_between * parts[k];
+                if !from.is_cloth[k] {
+                    by_weights[k] += by_drift.dot(way.to[k] - starts[k]);
+                    by_starts[k] -= by_drift * parts[k];
+                    by_ends[k] += by_drift * parts[k];
+                }
+            }
+            pull_weights(kind, met, parts, by_weights, &mut by_met);
+            if way.distance == f64::INFINITY {
+                (0..4).for_each(|k| by_starts[k] += by_met[k]);
+            } else {
+                let mut numbers = [0.0; 24];
+                for (k, place) in starts.into_iter().chain(way.to).enumerate() {
+                    set(&mut numbers, 3 * k, place);
+                }
+                let slopes = slopes_of(
+                    &numbers,
+                    |_| true,
+                    |numbers| {
+                        let ways = [four(numbers, 0), four(numbers, 12)];
+                        let met = way.places::<Dual<RATES>>(kind, from.radius, starts, ways);
+                        let along = (0..4).map(|k| lift(numbers[0], by_met[k]).dot(met[k]));
+                        along.fold(numbers[0].same(0.0), |sum, along| sum + along)
+                    },
+                );
+                for k in 0..4 {
+                    by_starts[k] += slope(&slopes, 3 * k);
+                    by_ends[k] += slope(&slopes, 12 + 3 * k);
+                }
+            }
+        }
         for k in 0..4 {
-            let [start, end] = [STARTS, ENDS].map(|first| slope(&slopes, first + 3 * k));
+            let (start, end) = (by_starts[k], by_ends[k]);
             if !from.is_cloth[k] {
                 if let Some(obstacle) = from.obstacle {
-                    by.obstacles[obstacle][0].push(from.starts[k], start);
+                    by.obstacles[obstacle][0].push(starts[k], start);
                     by.obstacles[obstacle][1].push(from.ends[k], end);
                 }
                 continue;
             }
             let corner = self.corners[k] as usize;
-            let [by_start, by_velocity, by_estimate] = by_ends;
+            let way = from.way.map_or(([0.0; 3], 0), |way| (way.by, way.solve));
+            let ([by_start, by_velocity, by_estimate], solve) = way;
             by.start[corner] += start + end * by_start;
             by.velocities[corner] += end * by_velocity;
             if by_estimate != 0.0 {
                 by.estimates[solve][corner] += end * by_estimate;
             }
-            by.masses[corner] -= slopes[INVERSE + k] * from.inverse[k] * from.inverse[k];
-        }
-        for (k, wing) in wings.iter().enumerate() {
-            let Some((vertex, place)) = wing else {
-                continue;
-            };
-            let slope = slope(&slopes, WINGS + 3 * k);
-            match (by.start.get_mut(*vertex), from.obstacle) {
-                (Some(sum), _) => *sum += slope,
-                (None, Some(obstacle)) => by.obstacles[obstacle][0].push(*place, slope),
-                (None, None) => {}
-            }
         }
     }
 
-    /// The numbers of the shape that have `slopes`, from those from which it comes.
-    fn shape<N: Real>(
+    /// The derivatives of its part of the barrier times `by_share`, and of half of the distance at the start times
+    /// `by_half`: by corners at the start, by vertices beside two edges, and where it meets on a way by weights of
+    /// the corners and by the direction.
+    fn share_slopes(
         &self,
         from: &ShapeTape,
-        slopes: &ShapeSlopes,
-        numbers: &[N; CAME_FROM],
-    ) -> [N; SHAPE] {
-        let one = numbers[0].same(1.0);
-        let starts = four(numbers, STARTS);
-        let to = four(numbers, ENDS);
-        let mut shape = [one.same(0.0); SHAPE];
-        let (all_weights, normal);
-        if let Some(way) = from.way {
-            let met = way.places::<N>(from.kind, from.radius, from.starts, [starts, to]);
-            all_weights = weights::<N>(from.kind, met);
-            let zero = lift(one, DVec3::ZERO);
-            let (mut between, mut apart, mut drift) = (zero, zero, zero);
-            let (mut squares, mut weighted, mut inverse) =
-                (one.same(0.0), one.same(0.0), one.same(0.0));
-            for (k, weight) in all_weights.into_iter().enumerate() {
-                between = between + met[k] * weight;
-                apart = apart + starts[k] * weight;
-                if !from.is_cloth[k] {
-                    drift = drift + (to[k] - starts[k]) * weight;
-                }
-                if from.inverse[k] > 0.0 {
-                    let (square, own) = (weight * weight, numbers[INVERSE + k]);
-                    squares = squares + square;
-                    weighted = weighted + square / own;
-                    inverse = inverse + square * own;
-                }
-            }
-            normal = between / between.dot(between).sqrt();
-            let [x, y, z] = normal.components();
-            let turned = lift(one, from.turn.x_axis) * x
-                + lift(one, from.turn.y_axis) * y
-                + lift(one, from.turn.z_axis) * z;
-            shape[WEIGHTS..NORMAL].copy_from_slice(&all_weights);
-            shape[NORMAL..GAP].copy_from_slice(&[x, y, z]);
-            shape[GAP] = apart.dot(normal) - from.radius;
-            shape[DRIFT..MEAN_MASS].copy_from_slice(&(drift + turned).components());
-            shape[MEAN_MASS] = weighted / squares;
-            shape[MASS] = one.same(1.0) / inverse;
-        } else {
-            all_weights = self.weights.map(|weight| one.same(weight));
-            normal = lift(one, self.normal);
-            let mut gap = one.same(self.gap);
-            for (k, start) in starts.into_iter().enumerate() {
-                gap = gap + (start - lift(one, from.starts[k])).dot(normal) * self.weights[k];
-            }
-            shape[GAP] = gap;
-        }
-        shape[SHARE] = match from.share {
-            _ if slopes[SHARE] == 0.0 => one.same(0.0),
-            Share::Fixed => one.same(0.0),
-            Share::Edges(wings) => {
-                let places = four(numbers, WINGS);
-                let wing =
-                    |edge: usize, side: usize| wings[edge][side].map(|_| places[2 * edge + side]);
-                let wings = [[wing(0, 0), wing(0, 1)], [wing(1, 0), wing(1, 1)]];
-                edge_share(starts, wings, all_weights, normal, self.thickness)
-            }
-            Share::Round => round_share(from.kind, starts, self.thickness),
+        (parts, normal): ([f64; 4], DVec3),
+        [by_share, by_half]: [f64; 2],
+    ) -> [f64; 31] {
+        let wings = match from.share {
+            Share::Edges(wings) => wings.map(|side| side.map(|wing| wing.map(|(_, place)| place))),
+            Share::Fixed | Share::Round => Default::default(),
         };
-        if slopes[HALF] != 0.0 {
-            shape[HALF] = (distance::<N>(from.kind, starts) - from.radius) * 0.5;
+        let flat = wings.as_flattened();
+        let mut numbers = [0.0; 31];
+        let beside = flat.iter().map(|wing| wing.unwrap_or_default());
+        for (k, place) in from.starts.into_iter().chain(beside).enumerate() {
+            set(&mut numbers, 3 * k, place);
         }
-        shape
+        numbers[24..28].copy_from_slice(&parts);
+        set(&mut numbers, 28, normal);
+        let wanted = |number: usize| match number {
+            ..12 => true,
+            12..24 => flat[(number - 12) / 3].is_some(),
+            _ => from.way.is_some() && matches!(from.share, Share::Edges(_)),
+        };
+        slopes_of(&numbers, wanted, |numbers| {
+            let (starts, beside) = (four(numbers, 0), four(numbers, 12));
+            let thickness = self.thickness;
+            let share = match from.share {
+                _ if by_share == 0.0 => numbers[0].same(0.0),
+                Share::Fixed => numbers[0].same(0.0),
+                Share::Round => round_share(from.kind, starts, thickness),
+                Share::Edges(_) => {
+                    let wing = |k: usize| flat[k].map(|_| beside[k]);
+                    let wings = [[wing(0), wing(1)], [wing(2), wing(3)]];
+                    let (weights, normal) = (from_fn(|k| numbers[24 + k]), vector(numbers, 28));
+                    edge_share(starts, wings, weights, normal, thickness)
+                }
+            };
+            let half = match by_half {
+                0.0 => numbers[0].same(0.0),
+                _ => distance::<Dual<RATES>>(from.kind, starts) * 0.5,
+            };
+            share * by_share + half * by_half
+        })
     }
+}
 
-    fn value<N: Real>(
-        &self,
-        tape: &CollisionTape,
-        places: Places<'_>,
-        value: Value,
-        numbers: &[N; FORCE],
-    ) -> N {
-        let one = numbers[0].same(1.0);
-        let (normal, gap) = (vector(numbers, NORMAL), numbers[GAP]);
-        let starts = self.of_cloth(places.start);
-        // Displacements of the first side against the second since the start.
-        let displacement = |all: [DVec3; 4], further: usize, part: f64| {
-            let drift: N::Vector = vector(numbers, DRIFT);
-            let mut sum = drift * one.same(part) + vector(numbers, further);
-            for k in 0..4 {
-                sum = sum + lift(one, all[k] - starts[k]) * numbers[WEIGHTS + k];
-            }
-            sum
-        };
-        let expected = displacement(self.of_cloth(places.expected), EXPECTED, 1.0);
-        let end = displacement(self.of_cloth(places.end), END, places.part);
-        let gap_at = |displacement: N::Vector| gap + normal.dot(displacement);
-        let (gamma, time) = (places.gamma, places.time);
-        if let PairLaw::Out = self.law {
-            return self.value_out(value, end, one);
+/// Adds the derivatives of the weights of closest points by the corners to `by`. With b = Σ w x between the
+/// points, and d the edges from the first corner that has a weight to others of its feature, b·d = 0.
+fn pull_weights(
+    kind: Kind,
+    corners: [DVec3; 4],
+    parts: [f64; 4],
+    by_weights: [f64; 4],
+    by: &mut [DVec3; 4],
+) {
+    let between = weighted(parts, corners);
+    let mut edges = [(0, 0); 2];
+    let mut count = 0;
+    for feature in [0..kind.split(), kind.split()..4] {
+        let mut borne = feature.filter(|k| parts[*k] != 0.0);
+        let first = borne.next().unwrap_or_default();
+        for other in borne {
+            edges[count] = (first, other);
+            count += 1;
         }
-        let inertia = numbers[MASS] * (1.0 / (time * time));
-        let barrier = Barrier {
-            thickness: self.thickness,
-            base: numbers[MEAN_MASS] * (1.0 / (time * time)),
-            share: numbers[SHARE],
-            inertia: numbers[MASS] * (1.0 / (gamma * gamma)),
-            pressure: self.pressure,
-            recovery: RECOVERY / time,
-        };
-        let estimate = gap_at(expected);
-        let tangent: Tangent<N> = match self.at {
-            None => barrier.linearise(gap, estimate),
-            Some(at) => barrier.at(match tape.at {
-                At::Fixed => one.same(at),
-                At::Start => gap,
-                At::Half => numbers[HALF],
-            }),
-        };
-        let firm = self.pressure.firm(gap, self.thickness);
-        let grip = match firm {
-            Some(firm) => inertia.greater(firm.stiffness * SHEAR),
-            None => inertia,
-        };
-        let pull = across::<N>(normal, vector(numbers, ANCHOR));
-        let slip_at = |displacement: N::Vector| across::<N>(normal, pull / grip + displacement);
-        let zero = one.same(0.0);
-        let slip = slip_at(end);
-        let by = match value {
-            Value::Work(multipliers) => multipliers,
-            Value::Pull(by) => {
-                let most = tangent.force_at(gap_at(end)).at_least(0.0) * self.friction;
-                let pull = grip * slip.dot(slip).sqrt();
-                let kept = if pull.within(most) { one } else { most / pull };
-                return if zero.below(most) { lift(one, by).dot(slip) * grip * kept } else { zero };
-            }
-        };
-        let slides = |at: N::Vector, most: N| {
-            let length = at.dot(at).sqrt();
-            if (grip * length).within(most) {
-                return slip * -grip;
-            }
-            let direction = at / length;
-            let further = slip - at;
-            let turned = further - direction * direction.dot(further);
-            direction * -most - turned * (most / length)
-        };
-        let first = slip_at(expected);
-        let most = barrier.bears(&tangent, gap, estimate) * self.friction;
-        let drag = match self.sticking {
-            Sticking::Unknown | Sticking::Light => slides(first, most),
-            Sticking::Sticks => slip * -grip,
-            Sticking::Slides(at, bound) => {
-                let there = tape.slid.as_deref().map(|(_, places)| {
-                    let there = displacement(*places, SLID, 1.0);
-                    let most = tangent.force_at(gap_at(there)).at_least(0.0) * self.friction;
-                    (slip_at(there), most)
-                });
-                let (first, most) = there.unwrap_or((first, most));
-                // What an earlier end told counts as decided.
-                let off = lift(one, at) - first;
-                let least = one.same((SAME * at.length() + ROUNDING).powi(2));
-                if off.dot(off).within(least) {
-                    slides(first, most)
-                } else {
-                    slides(lift(one, at), one.same(bound))
-                }
-            }
-        };
-        let force = normal * tangent.force_at(gap_at(end)) + drag;
-        let mut work = zero;
-        for (k, multiplier) in by.into_iter().enumerate() {
-            work = work + lift(one, multiplier).dot(force) * numbers[WEIGHTS + k];
-        }
-        work * gamma
     }
-
-    /// As [`Self::value`], of a push out of a body, which counts as decided but for where it ends.
-    fn value_out<N: Real>(&self, value: Value, end: N::Vector, one: N) -> N {
-        let Value::Work(multipliers) = value else {
-            return one.same(0.0);
-        };
-        let along = end.dot(lift(one, self.normal));
-        let force = one.same(self.response.tangent.force) - along * self.response.tangent.stiffness;
-        let work = multipliers.iter().zip(self.weights);
-        let work: f64 = work.map(|(by, weight)| by.dot(self.normal) * weight).sum();
-        force * (work * self.response.gamma)
+    let ways = edges.map(|(from, to)| corners[to] - corners[from]);
+    let right = edges.map(|(from, to)| by_weights[to] - by_weights[from]);
+    let ([a, b], [p, q], product) = (
+        ways.map(|d| d.length_squared()),
+        right,
+        ways[0].dot(ways[1]),
+    );
+    let found = match count {
+        0 => return,
+        1 => [p / a, 0.0],
+        _ => {
+            let determinant = a * b - product * product;
+            [
+                (b * p - product * q) / determinant,
+                (a * q - product * p) / determinant,
+            ]
+        }
+    };
+    let along = ways[0] * found[0] + ways[1] * found[1];
+    for (by, part) in by.iter_mut().zip(parts) {
+        *by -= along * part;
+    }
+    for ((from, to), found) in edges.into_iter().zip(found) {
+        by[from] += between * found;
+        by[to] -= between * found;
     }
 }
 

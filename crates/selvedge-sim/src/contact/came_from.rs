@@ -133,10 +133,12 @@ impl Contact {
                     },
                 }
             };
-            let tape = |collision: &Collision| {
+            let tape = |(at, collision): (usize, &Collision)| {
+                // From the same place of the list on, where most are found.
                 let known = || {
                     let pushed = last.map_or(&[][..], |solve| &solve.collisions.list);
                     let all = pushed.iter().enumerate();
+                    let all = all.clone().skip(at).chain(all.take(at));
                     all.filter(|(_, own)| own.pair == collision.pair)
                 };
                 let goes_on = known().find(|(_, own)| own.is_shaped_as(collision));
@@ -171,7 +173,8 @@ impl Contact {
                 };
                 tape
             };
-            solve.came_from = solve.collisions.list.iter().map(tape).collect();
+            let list = solve.collisions.list.iter().enumerate();
+            solve.came_from = list.map(tape).collect();
             let places = solve
                 .at
                 .positions
@@ -210,8 +213,6 @@ impl Contact {
         let met = way.places::<f64>(kind, radius, starts, [starts, way.to]);
         let has_way = gap(kind, met).normal.distance(collision.normal) < SAME;
         let share = self.share_tape(collision, &pair, radius > 0.0, met);
-        let mut anchors = self.memory.anchors.iter();
-        let is_own = |anchor: &&FrictionAnchor| collision.goes_on_from(anchor);
         let shape = ShapeTape {
             kind,
             starts,
@@ -224,13 +225,14 @@ impl Contact {
             way: has_way.then_some(way),
             share,
         };
+        let of = collision.anchored;
         CollisionTape {
             shape: ShapeOrigin::Own(Box::new(shape)),
             has_way,
             has_share: !matches!(share, Share::Fixed),
             at: At::Fixed,
             slid: None,
-            anchor: anchors.find(is_own).copied(),
+            anchor: of.and_then(|of| self.anchor(of, collision.normal).copied()),
         }
     }
 
@@ -263,7 +265,7 @@ impl Contact {
         } else {
             return Share::Fixed;
         };
-        if (found - share).abs() < SAME { from } else { Share::Fixed }
+        if share < 1.0 && (found - share).abs() < SAME { from } else { Share::Fixed }
     }
 }
 

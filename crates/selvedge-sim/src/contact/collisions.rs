@@ -1,10 +1,9 @@
 //! Pairs that push in a substep, as the linear system sees them.
 
 use glam::{DMat3, DVec3, Mat3A};
-use selvedge_cloth::{FrictionAnchor, Touching};
+use selvedge_cloth::Touching;
 use selvedge_contact::Gap;
 
-use super::active_set::SAME_SIDE;
 use super::barrier::{Barrier, Tangent};
 use super::friction::{along_surface, drag, outer};
 use super::pressure::Pressure;
@@ -210,11 +209,6 @@ impl Collision {
         };
         self.response = Response::default();
         true
-    }
-
-    /// Returns true if its friction goes on from that of this anchor.
-    pub(super) fn goes_on_from(&self, anchor: &FrictionAnchor) -> bool {
-        self.anchored == Some(anchor.of) && anchor.normal.dot(self.normal) > SAME_SIDE
     }
 
     /// Returns true if it pushes where this one of the same pair does.

@@ -617,6 +617,15 @@ fn vectors(from: usize, count: usize) -> Vec<DVec3> {
     (from..from + count).map(vector).collect()
 }
 
+/// Moves the points of a pattern without seams by a part of what looks random.
+fn move_pattern(mesh: &mut Mesh, part: f64) {
+    let points = mesh.material_coordinates().iter();
+    let points = points.zip(vectors(8000, mesh.positions().len()));
+    let points = points.map(|(p, n)| *p + n.truncate() * part).collect();
+    let faces = mesh.topology().face_indices();
+    *mesh = Mesh::new(&faces, points, mesh.positions().to_vec()).unwrap();
+}
+
 fn dot(a: &[DVec3], b: &[DVec3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum()
 }
@@ -877,6 +886,15 @@ fn directions(vertices: usize, handles: usize, frames: usize) -> Vec<Direction> 
                     .enumerate()
                     .map(|(k, by)| by * noise(k))
                     .sum()
+            },
+            ..none()
+        },
+        Direction {
+            name: "pattern",
+            scene: |scene, part| move_pattern(&mut scene.mesh, 0.1 * part),
+            by: |by, _, _| {
+                let points = by.pattern.iter().zip(vectors(8000, by.pattern.len()));
+                points.map(|(by, n)| 0.1 * by.dot(n.truncate())).sum()
             },
             ..none()
         },

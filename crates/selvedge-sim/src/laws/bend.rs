@@ -220,14 +220,26 @@ fn row_place(along: DVec2) -> (usize, f64) {
     (low, place - low as f64)
 }
 
-/// Adds to `by_table` what derivatives by the stiffness of an edge in this direction are by the
-/// entries of the table.
-pub(crate) fn pull_stiffness(along: DVec2, by_stiffness: [f64; 5], by_table: &mut BendTable) {
+/// Adds to `by_table` what derivatives by the stiffness of an edge along this direction are by the
+/// entries of the `table`. Returns those by the direction.
+pub(crate) fn pull_stiffness(
+    along: DVec2,
+    table: &BendTable,
+    by_stiffness: [f64; 5],
+    by_table: &mut [[f64; 5]; 3],
+) -> DVec2 {
     let (low, between) = row_place(along);
+    let mut by_place = 0.0;
     for (column, by) in by_stiffness.into_iter().enumerate() {
-        by_table.0[low][column] += (1.0 - between) * by;
-        by_table.0[low + 1][column] += between * by;
+        by_table[low][column] += (1.0 - between) * by;
+        by_table[low + 1][column] += between * by;
+        by_place += by * (table.0[low + 1][column] - table.0[low][column]);
     }
+    let turn = DVec2::new(
+        -along.y.abs() * along.x.signum(),
+        along.x.abs() * along.y.signum(),
+    );
+    turn * (by_place / std::f64::consts::FRAC_PI_4 / along.length_squared())
 }
 
 /// Derivatives of λᵀ(γ F - (-J) w) of a hinge, F its force and J its Jacobian, by positions and by w.
@@ -238,6 +250,8 @@ pub(crate) struct BendSlopes {
     pub(crate) by_stiffness: [f64; 5],
     /// By the rest angle.
     pub(crate) by_rest_angle: f64,
+    /// By length and area.
+    pub(crate) by_shape: [f64; 2],
 }
 
 impl BendElement {
@@ -274,6 +288,9 @@ impl BendElement {
             (at.tangent, growth)
         };
         let by_angle = -along_l * (gamma * exact + growth * along_w);
+        // The form is one in l²/a, and has this derivative by the curvature, which is one in l/a.
+        let grown = if is_cut { 0.0 } else { 2.0 * along_w };
+        let by_curvature = -along_l * scale * slope * (gamma * at.angle + grown);
         let torque = gamma * at.stiffness * at.angle + at.tangent * along_w;
         let by_gradient: [DVec3; 4] =
             std::array::from_fn(|k| -(multipliers[k] * torque + w[k] * (along_l * at.tangent)));
@@ -288,6 +305,10 @@ impl BendElement {
                 -along_l * scale * (gamma * at.angle * weights[j] + along_w * tangent)
             }),
             by_rest_angle: -by_angle,
+            by_shape: [
+                (by_curvature * curvature - 2.0 * along_l * torque) / self.length,
+                (along_l * torque - by_curvature * curvature) / self.area,
+            ],
         }
     }
 }

@@ -4,7 +4,7 @@
 //! K is the exact derivative of the forces, with what a solve leaves out of its matrix; conjugate
 //! gradients with that matrix as their preconditioner solve it.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use selvedge_cloth::{LinearSolver, Scene};
 
 use super::start::scene_at_start;
@@ -30,6 +30,8 @@ pub struct RestGradient {
     pub materials: Vec<MaterialGradient>,
     /// By the rest angle of each edge `[1/rad]`, `[edges]`.
     pub rest_angles: Vec<f64>,
+    /// By the points of the pattern `[1/m]`, `[points]`, as [`Gradient::pattern`](crate::Gradient::pattern).
+    pub pattern: Vec<DVec2>,
 }
 
 /// The derivatives of a value of the rest pose of `scene`, from those `by` its `positions` `[m]`,
@@ -87,13 +89,17 @@ pub fn sag_gradient(
         }
     });
     let elements = equilibrium.system.elements();
-    let (mut materials, rest_angles) = elements.by_materials(&scene, &equilibrium.sums);
-    materials.iter_mut().for_each(|by| by.damping = 0.0);
+    let mut by_scene = elements.by_scene(&scene, &equilibrium.sums);
+    by_scene
+        .materials
+        .iter_mut()
+        .for_each(|by| by.damping = 0.0);
     Ok(RestGradient {
         handles: handles.collect(),
         gravity: equilibrium.sums.gravity,
-        materials,
-        rest_angles,
+        materials: by_scene.materials,
+        rest_angles: by_scene.rest_angles,
+        pattern: by_scene.pattern,
     })
 }
 

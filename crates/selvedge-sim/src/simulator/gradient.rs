@@ -5,7 +5,7 @@
 //! leaves them their bytes. What a comparison decides (a solve that is repeated, an edge that is brought
 //! back, compression that is left out of a Jacobian) counts as decided.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use selvedge_cloth::{
     AirLaw, ElasticLaw, Environment, HandleTargets, Integrator, Rigid, Scene, Snapshot, StepError,
     Stepper,
@@ -71,6 +71,9 @@ pub struct Gradient {
     pub materials: Vec<MaterialGradient>,
     /// By the rest angle of each edge `[1/rad]`, `[edges]`; 0 at the boundary.
     pub rest_angles: Vec<f64>,
+    /// By the points of the pattern `[1/m]`, `[points]`, which make rest lengths, areas and masses. The area on
+    /// which pressure squeezes the fabric counts as given, and so does what `physics.even_bending` makes of it.
+    pub pattern: Vec<DVec2>,
 }
 
 /// Why there is no gradient.
@@ -378,7 +381,7 @@ impl Simulator {
         }
         ask(0, &mut state)?;
         let elements = solver.system.elements();
-        let (materials, rest_angles) = elements.by_materials(&self.scene, &sums);
+        let by_scene = elements.by_scene(&self.scene, &sums);
         Ok(Gradient {
             before: recording.looks_back.then_some(StateGradient {
                 positions: before.positions,
@@ -394,8 +397,9 @@ impl Simulator {
             wind: sums.wind,
             air_density: sums.air_density,
             air_drag: sums.air_drag,
-            materials,
-            rest_angles,
+            materials: by_scene.materials,
+            rest_angles: by_scene.rest_angles,
+            pattern: by_scene.pattern,
         })
     }
 

@@ -1,13 +1,25 @@
 //! A gradient is the slope of the run: every parameter against central differences.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use selvedge_cloth::{
-    AirLaw, ElasticLaw, Gust, HandleConstraint, HandleTargets, Integrator, LinearSolver, Scene,
-    Stepper,
+    AirLaw, ElasticLaw, Gust, HandleConstraint, HandleTargets, Integrator, LinearSolver, Mesh,
+    Scene, Stepper,
 };
 use selvedge_sim::{Gradient, GradientError, GradientSettings, Simulator, StateGradient};
 
 use crate::scenes::{CAMEL, DENIM, GRAY, NAVY, hanging, material};
+
+/// The mesh with other points of its pattern, from face, number and place of each.
+pub(crate) fn with_points(mesh: &Mesh, moved: impl Fn(usize, usize, DVec2) -> DVec2) -> Mesh {
+    let pattern = mesh.pattern();
+    let points = pattern.points();
+    let corners = pattern.corners().into_iter().enumerate();
+    let corners: Vec<_> = corners
+        .map(|(face, of)| of.map(|k| moved(face, k as usize, points[k as usize])))
+        .collect();
+    let faces = mesh.topology().face_indices();
+    Mesh::sewn(&faces, &corners, mesh.positions().to_vec()).unwrap()
+}
 
 /// All that a run depends on.
 #[derive(Clone)]
@@ -265,6 +277,14 @@ impl Case {
             case.scene.mesh = mesh.with_rest_angles(angles).unwrap();
         });
         found.push(("rest angles".into(), is, slope, all(by)));
+        let by = &gradient.pattern;
+        let along: Vec<DVec2> = (0..by.len()).map(|k| vector(8000 + k).truncate()).collect();
+        let is: f64 = by.iter().zip(&along).map(|(a, b)| a.dot(*b)).sum();
+        let slope = self.slope(is, 1e-7, |case, part| {
+            case.scene.mesh = with_points(&case.scene.mesh, |_, k, p| p + along[k] * part);
+        });
+        let size = by.iter().map(|by| by.length_squared()).sum::<f64>().sqrt();
+        found.push(("pattern".into(), is, slope, size));
         found
     }
 
@@ -290,6 +310,20 @@ fn one_frame() {
 #[test]
 fn ten_frames() {
     Case::new(GRAY, 5, 10).check("ten frames", 1e-6);
+}
+
+/// Half of the faces lie elsewhere in the plane, turned, and have points of their own.
+#[test]
+fn a_seam() {
+    let mut case = Case::new(CAMEL, 5, 10);
+    let mesh = &case.scene.mesh;
+    let half = mesh.topology().faces().len() / 2;
+    let turn = DVec2::from_angle(0.4);
+    let elsewhere = |face, _, p: DVec2| if face < half { p } else { turn.rotate(p) + turn };
+    let sewn = with_points(mesh, elsewhere);
+    assert!(sewn.pattern().is_sewn());
+    case.scene.mesh = sewn;
+    case.check("a seam", 1e-6);
 }
 
 /// A test for each fabric, so that they run beside each other: together they take longest of all.

@@ -1,9 +1,10 @@
 //! The gradient of a rest pose against central differences of the search for it.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use selvedge_cloth::{HandleConstraint, Mesh, Scene};
 use selvedge_sim::{sag, sag_gradient};
 
+use crate::differences::with_points;
 use crate::scenes::{GRAY, NAVY, hanging, material};
 
 /// Weights of the value, a sum over the positions.
@@ -68,6 +69,12 @@ fn a_hanging_cloth() {
         );
         check(&scene, "bend", material.bend[1][0], 1e-9, |s, part| {
             s.material.bend.0[1][0] += part;
+        });
+        let turn = |k: usize, part: f64| DVec2::from_angle(k as f64) * part;
+        let by = gradient.pattern.iter().enumerate();
+        let by: f64 = by.map(|(k, by)| by.dot(turn(k, 1.0))).sum();
+        check(&scene, "pattern", by, 1e-7, |s, part| {
+            s.mesh = with_points(&s.mesh, |_, k, p| p + turn(k, part));
         });
         check(&scene, "handle", gradient.handles[0].z, 1e-6, |s, part| {
             let mut places = places.clone();

@@ -1,6 +1,7 @@
 //! Forward rates of what touches, for the reference of the adjoint.
 
 use super::*;
+use crate::contact::real::Real;
 
 type V = <Dual as Number>::Vector;
 
@@ -183,5 +184,228 @@ impl Collision {
             with_rates(&mut duals, ANCHOR, pull);
         }
         duals
+    }
+}
+
+/// Numbers of a collision's force: its shape; Σ w x of the cloth's corners beyond their places, where they were
+/// expected and where they end; pull of the anchor; Σ w x where an earlier solve has shown that it slides.
+const EXPECTED: usize = SHAPE;
+const END: usize = EXPECTED + 3;
+const ANCHOR: usize = END + 3;
+const SLID: usize = ANCHOR + 3;
+const FORCE: usize = SLID + 3;
+/// Numbers from which a shape comes: corners at the start; ends of the way on which the pair meets, of obstacles
+/// those of the substep; vertices beside two edges; inverse masses of the corners.
+const STARTS: usize = 0;
+const ENDS: usize = 12;
+const WINGS: usize = 24;
+const INVERSE: usize = 36;
+const CAME_FROM: usize = 40;
+
+/// The part of `vector` across `normal`.
+fn across<N: Number>(normal: N::Vector, vector: N::Vector) -> N::Vector {
+    vector - normal * normal.dot(vector)
+}
+
+impl Collision {
+    /// What its force is a function of, as the solve had it.
+    fn force_numbers(&self, tape: &CollisionTape) -> [f64; FORCE] {
+        let mut numbers = [0.0; FORCE];
+        numbers[..NORMAL].copy_from_slice(&self.weights);
+        set(&mut numbers, NORMAL, self.normal);
+        numbers[GAP] = self.gap;
+        set(&mut numbers, DRIFT, self.drift);
+        (numbers[MEAN_MASS], numbers[MASS]) = (self.mean_mass, self.mass);
+        if let PairLaw::Barrier { share } = self.law {
+            numbers[SHARE] = share;
+        }
+        numbers[HALF] = self.at.unwrap_or_default();
+        let pull = tape.anchor.map_or(DVec3::ZERO, |anchor| anchor.pull);
+        set(&mut numbers, ANCHOR, pull);
+        numbers
+    }
+
+    /// The numbers of the shape that have `slopes`, from those from which it comes.
+    fn shape<N: Real>(
+        &self,
+        from: &ShapeTape,
+        slopes: &ShapeSlopes,
+        numbers: &[N; CAME_FROM],
+    ) -> [N; SHAPE] {
+        let one = numbers[0].same(1.0);
+        let starts = four(numbers, STARTS);
+        let to = four(numbers, ENDS);
+        let mut shape = [one.same(0.0); SHAPE];
+        let (all_weights, normal);
+        if let Some(way) = from.way {
+            let met = way.places::<N>(from.kind, from.radius, from.starts, [starts, to]);
+            all_weights = weights::<N>(from.kind, met);
+            let zero = lift(one, DVec3::ZERO);
+            let (mut between, mut apart, mut drift) = (zero, zero, zero);
+            let (mut squares, mut weighted, mut inverse) =
+                (one.same(0.0), one.same(0.0), one.same(0.0));
+            for (k, weight) in all_weights.into_iter().enumerate() {
+                between = between + met[k] * weight;
+                apart = apart + starts[k] * weight;
+                if !from.is_cloth[k] {
+                    drift = drift + (to[k] - starts[k]) * weight;
+                }
+                if from.inverse[k] > 0.0 {
+                    let (square, own) = (weight * weight, numbers[INVERSE + k]);
+                    squares = squares + square;
+                    weighted = weighted + square / own;
+                    inverse = inverse + square * own;
+                }
+            }
+            normal = between / between.dot(between).sqrt();
+            let [x, y, z] = normal.components();
+            let turned = lift(one, from.turn.x_axis) * x
+                + lift(one, from.turn.y_axis) * y
+                + lift(one, from.turn.z_axis) * z;
+            shape[WEIGHTS..NORMAL].copy_from_slice(&all_weights);
+            shape[NORMAL..GAP].copy_from_slice(&[x, y, z]);
+            shape[GAP] = apart.dot(normal) - from.radius;
+            shape[DRIFT..MEAN_MASS].copy_from_slice(&(drift + turned).components());
+            shape[MEAN_MASS] = weighted / squares;
+            shape[MASS] = one.same(1.0) / inverse;
+        } else {
+            all_weights = self.weights.map(|weight| one.same(weight));
+            normal = lift(one, self.normal);
+            let mut gap = one.same(self.gap);
+            for (k, start) in starts.into_iter().enumerate() {
+                gap = gap + (start - lift(one, from.starts[k])).dot(normal) * self.weights[k];
+            }
+            shape[GAP] = gap;
+        }
+        shape[SHARE] = match from.share {
+            _ if slopes[SHARE] == 0.0 => one.same(0.0),
+            Share::Fixed => one.same(0.0),
+            Share::Edges(wings) => {
+                let places = four(numbers, WINGS);
+                let wing =
+                    |edge: usize, side: usize| wings[edge][side].map(|_| places[2 * edge + side]);
+                let wings = [[wing(0, 0), wing(0, 1)], [wing(1, 0), wing(1, 1)]];
+                edge_share(starts, wings, all_weights, normal, self.thickness)
+            }
+            Share::Round => round_share(from.kind, starts, self.thickness),
+        };
+        if slopes[HALF] != 0.0 {
+            shape[HALF] = (distance::<N>(from.kind, starts) - from.radius) * 0.5;
+        }
+        shape
+    }
+
+    fn value<N: Real>(
+        &self,
+        tape: &CollisionTape,
+        places: Places<'_>,
+        value: Value,
+        numbers: &[N; FORCE],
+    ) -> N {
+        let one = numbers[0].same(1.0);
+        let (normal, gap) = (vector(numbers, NORMAL), numbers[GAP]);
+        let starts = self.of_cloth(places.start);
+        // Displacements of the first side against the second since the start.
+        let displacement = |all: [DVec3; 4], further: usize, part: f64| {
+            let drift: N::Vector = vector(numbers, DRIFT);
+            let mut sum = drift * one.same(part) + vector(numbers, further);
+            for k in 0..4 {
+                sum = sum + lift(one, all[k] - starts[k]) * numbers[WEIGHTS + k];
+            }
+            sum
+        };
+        let expected = displacement(self.of_cloth(places.expected), EXPECTED, 1.0);
+        let end = displacement(self.of_cloth(places.end), END, places.part);
+        let gap_at = |displacement: N::Vector| gap + normal.dot(displacement);
+        let (gamma, time) = (places.gamma, places.time);
+        if let PairLaw::Out = self.law {
+            return self.value_out(value, end, one);
+        }
+        let inertia = numbers[MASS] * (1.0 / (time * time));
+        let barrier = Barrier {
+            thickness: self.thickness,
+            base: numbers[MEAN_MASS] * (1.0 / (time * time)),
+            share: numbers[SHARE],
+            inertia: numbers[MASS] * (1.0 / (gamma * gamma)),
+            pressure: self.pressure,
+            recovery: RECOVERY / time,
+        };
+        let estimate = gap_at(expected);
+        let tangent: Tangent<N> = match self.at {
+            None => barrier.linearise(gap, estimate),
+            Some(at) => barrier.at(match tape.at {
+                At::Fixed => one.same(at),
+                At::Start => gap,
+                At::Half => numbers[HALF],
+            }),
+        };
+        let firm = self.pressure.firm(gap, self.thickness);
+        let grip = match firm {
+            Some(firm) => inertia.greater(firm.stiffness * SHEAR),
+            None => inertia,
+        };
+        let pull = across::<N>(normal, vector(numbers, ANCHOR));
+        let slip_at = |displacement: N::Vector| across::<N>(normal, pull / grip + displacement);
+        let zero = one.same(0.0);
+        let slip = slip_at(end);
+        let by = match value {
+            Value::Work(multipliers) => multipliers,
+            Value::Pull(by) => {
+                let most = tangent.force_at(gap_at(end)).at_least(0.0) * self.friction;
+                let pull = grip * slip.dot(slip).sqrt();
+                let kept = if pull.within(most) { one } else { most / pull };
+                return if zero.below(most) { lift(one, by).dot(slip) * grip * kept } else { zero };
+            }
+        };
+        let slides = |at: N::Vector, most: N| {
+            let length = at.dot(at).sqrt();
+            if (grip * length).within(most) {
+                return slip * -grip;
+            }
+            let direction = at / length;
+            let further = slip - at;
+            let turned = further - direction * direction.dot(further);
+            direction * -most - turned * (most / length)
+        };
+        let first = slip_at(expected);
+        let most = barrier.bears(&tangent, gap, estimate) * self.friction;
+        let drag = match self.sticking {
+            Sticking::Unknown | Sticking::Light => slides(first, most),
+            Sticking::Sticks => slip * -grip,
+            Sticking::Slides(at, bound) => {
+                let there = tape.slid.as_deref().map(|(_, places)| {
+                    let there = displacement(*places, SLID, 1.0);
+                    let most = tangent.force_at(gap_at(there)).at_least(0.0) * self.friction;
+                    (slip_at(there), most)
+                });
+                let (first, most) = there.unwrap_or((first, most));
+                // What an earlier end told counts as decided.
+                let off = lift(one, at) - first;
+                let least = one.same((SAME * at.length() + ROUNDING).powi(2));
+                if off.dot(off).within(least) {
+                    slides(first, most)
+                } else {
+                    slides(lift(one, at), one.same(bound))
+                }
+            }
+        };
+        let force = normal * tangent.force_at(gap_at(end)) + drag;
+        let mut work = zero;
+        for (k, multiplier) in by.into_iter().enumerate() {
+            work = work + lift(one, multiplier).dot(force) * numbers[WEIGHTS + k];
+        }
+        work * gamma
+    }
+
+    /// As [`Self::value`], of a push out of a body, which counts as decided but for where it ends.
+    fn value_out<N: Real>(&self, value: Value, end: N::Vector, one: N) -> N {
+        let Value::Work(multipliers) = value else {
+            return one.same(0.0);
+        };
+        let along = end.dot(lift(one, self.normal));
+        let force = one.same(self.response.tangent.force) - along * self.response.tangent.stiffness;
+        let work = multipliers.iter().zip(self.weights);
+        let work: f64 = work.map(|(by, weight)| by.dot(self.normal) * weight).sum();
+        force * (work * self.response.gamma)
     }
 }

@@ -13,7 +13,8 @@ struct Pass {
 
 impl EdgeProjection {
     /// Turns `by`, derivatives by the projected places, into those by the `predicted` ones, and adds
-    /// those by the `start` to `by_start`; all `[vertices]`. Edges that asked for nothing count as
+    /// those by the `start` to `by_start`, all `[vertices]`, and those by lengths in the pattern to
+    /// `by_lengths`, `[edges]`. Edges that asked for nothing count as
     /// asking for nothing.
     pub(crate) fn pull_back(
         &mut self,
@@ -21,6 +22,7 @@ impl EdgeProjection {
         predicted: &[DVec3],
         by: &mut Vec<DVec3>,
         by_start: &mut [DVec3],
+        by_lengths: &mut Vec<f64>,
     ) {
         let mut places = predicted.to_vec();
         let mut passes = Vec::new();
@@ -76,6 +78,8 @@ impl EdgeProjection {
             let band = BAND * edge.length;
             let [least, greatest] = [-band, band].map(|side| (length + side).max(0.0));
             let by_length = 2.0 * (least * by_bands[0] + greatest * by_bands[1]);
+            by_lengths.resize(by_lengths.len().max(edge.number + 1), 0.0);
+            by_lengths[edge.number] += 2.0 * BAND * (greatest * by_bands[1] - least * by_bands[0]);
             if by_length != 0.0 {
                 let by_way = way * (by_length / length);
                 by_start[a] -= by_way;

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use selvedge_cloth::{HandleConstraint, VertexId};
 
-use super::super::tape::{SolveTape, SubstepTape, TouchingTape};
+use super::super::tape::{SolveTape, SubstepTape};
 use super::{START, SecondOrder};
 use crate::contact::{AnchorSlope, ObstacleSlope, PlaceSlopes, Places, ShapeSlopes};
 use crate::solver::{ElementSums, SolveError, System};
@@ -75,15 +75,16 @@ impl SecondOrder {
         substep: &SubstepTape,
         pulled: &mut Pulled<'_>,
     ) -> Result<(), SolveError> {
-        if let Some(touching) = substep.touching {
-            return self.pull_touching(system, substep, touching, pulled);
+        let has_touched = substep.touching.is_some();
+        if !has_touched {
+            pulled.anchors.clear();
         }
-        pulled.anchors.clear();
+        if has_touched || substep.before.is_some() && !substep.fell_back {
+            return self.pull_formula(system, substep, pulled);
+        }
         let by_start = cut(substep, pulled.state);
         if substep.fell_back {
             self.pull_fallback(system, substep, pulled)?;
-        } else if let Some(before) = &substep.before {
-            self.pull_look_back(system, substep, before, pulled)?;
         } else {
             self.pull_start(system, substep, pulled)?;
         }
@@ -91,22 +92,24 @@ impl SecondOrder {
         Ok(())
     }
 
-    /// A substep in which things touched: one stage of the formula, or of backward Euler.
-    fn pull_touching(
+    /// A substep of one stage: of the formula, or where things touched and it did not look back, of backward
+    /// Euler.
+    fn pull_formula(
         &mut self,
         system: &mut System,
         substep: &SubstepTape,
-        tape: TouchingTape,
         pulled: &mut Pulled<'_>,
     ) -> Result<(), SolveError> {
         let (formula, start) = (self.formula, &substep.start);
         let count = start.positions.len();
         let (mut at_start, mut at_before) = (zeros(count), zeros(count));
         let mut base = start.clone();
-        let (mut gamma, mut point) = (substep.dt, 1.0);
+        let (mut gamma, mut point, mut weight) = (substep.dt, 1.0, 0.0);
+        let mut by_before = [0.0, 1.0, 0.0];
         if let Some(before) = &substep.before {
             base.extrapolate(start, before, formula.weight);
             (gamma, point) = (formula.gamma(substep.dt), formula.point);
+            (weight, by_before) = (formula.weight, formula.before_weights());
         }
         let targets = between(system, start, &substep.targets, point);
         let stage = Stage {
@@ -116,31 +119,32 @@ impl SecondOrder {
             start: &start.positions,
             targets: &targets,
             solves: substep.stages.first().map_or(&[], |solves| solves),
-            is_predicted: tape.is_near,
+            is_predicted: substep.touching.is_none_or(|tape| tape.is_near),
             dt: substep.dt,
             point,
         };
-        let by_expected = vec![DVec3::ZERO; count];
-        let mut touching = Touching {
-            expected: self.predict_again(&stage).1,
-            by_estimates: vec![by_expected.clone(); stage.solves.len()],
-            by_expected,
-            by_start: zeros(count),
-            by_masses: vec![0.0; count],
-            shapes: Vec::new(),
-            anchors: pulled.anchors,
-            obstacles: pulled.obstacles,
-        };
-        self.pull_anchors(substep, &stage, &mut touching, pulled.state);
+        let mut touching = substep.touching.map(|_| {
+            let (raw, expected) = self.predict_again(&stage);
+            Touching {
+                raw,
+                expected,
+                by_estimates: vec![vec![DVec3::ZERO; count]; stage.solves.len()],
+                by_expected: vec![DVec3::ZERO; count],
+                by_start: zeros(count),
+                by_masses: vec![0.0; count],
+                shapes: Vec::new(),
+                anchors: pulled.anchors,
+                obstacles: pulled.obstacles,
+            }
+        });
+        if let Some(touching) = &mut touching {
+            self.pull_anchors(substep, &stage, touching, pulled.state);
+        }
         add_states(&mut at_start, &cut(substep, pulled.state), 1.0);
         let mut end = pulled.state.clone();
-        if substep.before.is_some() {
-            let [by_end, by_start, by_before] = formula.before_weights();
-            add_states(&mut end, pulled.before, by_end);
-            add_states(&mut at_start, pulled.before, by_start);
-            add_states(&mut at_before, pulled.before, by_before);
-        } else {
-            add_states(&mut at_start, pulled.before, 1.0);
+        let sums = [&mut end, &mut at_start, &mut at_before];
+        for (sum, by) in sums.into_iter().zip(by_before) {
+            add_states(sum, pulled.before, by);
         }
         for (vertex, target) in self.held.iter().zip(pulled.targets.iter_mut()) {
             *target += std::mem::take(&mut end.positions[vertex.index()]);
@@ -148,16 +152,14 @@ impl SecondOrder {
         let mut estimate = zeros(count);
         add_states(&mut estimate, &end, 1.0 / point);
         add_states(&mut at_start, &end, 1.0 - 1.0 / point);
-        let slopes = self.pull_stage(system, &stage, estimate, Some(&mut touching), pulled.sums)?;
-        let masses = pulled.sums.mass.iter_mut().zip(touching.by_masses);
-        masses.for_each(|(sum, by)| *sum += by);
-        add_states(&mut at_start, &touching.by_start, 1.0);
-        if substep.before.is_some() {
-            add_states(&mut at_start, &slopes.base, 1.0 + formula.weight);
-            add_states(&mut at_before, &slopes.base, -formula.weight);
-        } else {
-            add_states(&mut at_start, &slopes.base, 1.0);
+        let slopes = self.pull_stage(system, &stage, estimate, touching.as_mut(), pulled.sums)?;
+        if let Some(touching) = touching {
+            let masses = pulled.sums.mass.iter_mut().zip(touching.by_masses);
+            masses.for_each(|(sum, by)| *sum += by);
+            add_states(&mut at_start, &touching.by_start, 1.0);
         }
+        add_states(&mut at_start, &slopes.base, 1.0 + weight);
+        add_states(&mut at_before, &slopes.base, -weight);
         add(&mut at_start.velocities, &slopes.velocities, 1.0);
         add(&mut at_start.positions, &slopes.start, 1.0);
         self.pull_between(system, point, &slopes.targets, &mut at_start, pulled);
@@ -213,59 +215,7 @@ impl SecondOrder {
             anchors: touching.anchors,
         };
         let (all, came_from) = (&last.collisions, &last.came_from);
-        all.pull_anchors(came_from, places, &slopes, &mut by, &mut touching.shapes);
-    }
-
-    fn pull_look_back(
-        &mut self,
-        system: &mut System,
-        substep: &SubstepTape,
-        before: &State,
-        pulled: &mut Pulled<'_>,
-    ) -> Result<(), SolveError> {
-        let (formula, start) = (self.formula, &substep.start);
-        let count = start.positions.len();
-        let [by_end, by_start, by_before] = formula.before_weights();
-        let mut end = pulled.state.clone();
-        add_states(&mut end, pulled.before, by_end);
-        let (mut at_start, mut at_before) = (zeros(count), zeros(count));
-        add_states(&mut at_start, pulled.before, by_start);
-        add_states(&mut at_before, pulled.before, by_before);
-        for (vertex, target) in self.held.iter().zip(pulled.targets.iter_mut()) {
-            *target += std::mem::take(&mut end.positions[vertex.index()]);
-        }
-        let mut estimate = zeros(count);
-        add_states(&mut estimate, &end, 1.0 / formula.point);
-        add_states(&mut at_start, &end, 1.0 - 1.0 / formula.point);
-        let mut base = zeros(count);
-        base.extrapolate(start, before, formula.weight);
-        let targets = between(system, start, &substep.targets, formula.point);
-        let stage = Stage {
-            gamma: formula.gamma(substep.dt),
-            base: &base,
-            velocities: &start.velocities,
-            start: &start.positions,
-            targets: &targets,
-            solves: &substep.stages[0],
-            is_predicted: true,
-            dt: substep.dt,
-            point: 1.0,
-        };
-        let slopes = self.pull_stage(system, &stage, estimate, None, pulled.sums)?;
-        add_states(&mut at_start, &slopes.base, 1.0 + formula.weight);
-        add_states(&mut at_before, &slopes.base, -formula.weight);
-        add(&mut at_start.velocities, &slopes.velocities, 1.0);
-        add(&mut at_start.positions, &slopes.start, 1.0);
-        self.pull_between(
-            system,
-            formula.point,
-            &slopes.targets,
-            &mut at_start,
-            pulled,
-        );
-        *pulled.state = at_start;
-        *pulled.before = at_before;
-        Ok(())
+        all.pull_anchors(came_from, places, slopes, &mut by, &mut touching.shapes);
     }
 
     fn pull_start(
@@ -345,17 +295,19 @@ impl SecondOrder {
         let mut at_start = std::mem::replace(pulled.before, zeros(count));
         if let Some(solves) = substep.stages.get(1) {
             let mut base = vec![DVec3::ZERO; count];
-            let solved = Solved {
+            let stage = Stage {
                 gamma: substep.dt,
-                dt: substep.dt,
-                point: 1.0,
-                base: &substep.start.velocities,
+                base: &substep.start,
+                velocities: &substep.start.velocities,
                 start: &substep.start.positions,
                 targets: &substep.targets,
                 solves,
+                is_predicted: false,
+                dt: substep.dt,
+                point: 1.0,
             };
             let by_targets =
-                solved.pull_back(system, pulled.state, &mut base, None, pulled.sums)?;
+                stage.pull_solves(system, pulled.state, &mut base, None, pulled.sums)?;
             add(&mut at_start.velocities, &base, 1.0);
             add(pulled.targets, &by_targets, 1.0);
         }
@@ -396,16 +348,7 @@ impl SecondOrder {
             start: vec![DVec3::ZERO; count],
             targets: Vec::new(),
         };
-        let solved = Solved {
-            gamma,
-            dt: stage.dt,
-            point: stage.point,
-            base: &base.velocities,
-            start: stage.start,
-            targets: stage.targets,
-            solves: stage.solves,
-        };
-        slopes.targets = solved.pull_back(
+        slopes.targets = stage.pull_solves(
             system,
             &mut estimate,
             &mut slopes.base.velocities,
@@ -423,10 +366,14 @@ impl SecondOrder {
             add(&mut slopes.base.positions, &by.positions, 1.0);
             *by = zeros(count);
         }
-        if let Some(touching) = touching {
-            add(&mut by.positions, &touching.by_expected, 1.0);
-        }
-        let (raw, places) = self.predict_again(stage);
+        let (raw, places) = match touching {
+            Some(touching) => {
+                add(&mut by.positions, &touching.by_expected, 1.0);
+                let both = [&mut touching.raw, &mut touching.expected];
+                both.map(std::mem::take).into()
+            }
+            None => self.predict_again(stage),
+        };
         let is_held = |v: usize| self.held.contains(&VertexId(v as u32));
         if raw != places {
             for (v, place) in places.iter().enumerate() {
@@ -438,7 +385,9 @@ impl SecondOrder {
                 }
             }
             let (by, start) = (&mut by.positions, &mut slopes.start);
-            self.projection.pull_back(stage.start, &raw, by, start);
+            let lengths = &mut sums.lengths;
+            self.projection
+                .pull_back(stage.start, &raw, by, start, lengths);
         }
         for (handle, vertex) in self.held.iter().enumerate() {
             let v = vertex.index();
@@ -487,7 +436,9 @@ fn between(system: &System, start: &State, ends: &[DVec3], point: f64) -> Vec<DV
 
 /// Derivatives of a stage in which things touch.
 struct Touching<'a> {
-    /// Where the cloth was expected `[m]`, `[vertices]`, and derivatives by that.
+    /// Where the cloth was expected, before its edges were brought back and after `[m]`, `[vertices]`, and
+    /// derivatives by that.
+    raw: Vec<DVec3>,
     expected: Vec<DVec3>,
     by_expected: Vec<DVec3>,
     /// By the estimates of all solves, `[solves, vertices]`.
@@ -502,25 +453,13 @@ struct Touching<'a> {
     obstacles: &'a mut [[ObstacleSlope; 2]],
 }
 
-/// The solves of a stage, each from where the last one led.
-struct Solved<'a> {
-    gamma: f64,
-    /// Length of the substep `[s]`, and the point of it at which its equations hold.
-    dt: f64,
-    point: f64,
-    /// v̄, and positions at the start of the substep.
-    base: &'a [DVec3],
-    start: &'a [DVec3],
-    targets: &'a [DVec3],
-    solves: &'a [SolveTape],
-}
-
-impl Solved<'_> {
-    /// Turns `by`, derivatives by the end of the last solve, into those by where the first one is
+impl Stage<'_> {
+    /// Takes the solves, each from where the last one led, backwards: turns `by`, derivatives by the end of the
+    /// last solve, into those by where the first one is
     /// linearised, and adds those by v̄ to `by_base` and, where things touch, those by what collisions
     /// came from to `touching`. Returns those by the targets of spring handles,
     /// 0 of exact ones.
-    fn pull_back(
+    fn pull_solves(
         &self,
         system: &mut System,
         by: &mut State,
@@ -539,11 +478,11 @@ impl Solved<'_> {
             }
             let positions = by.positions.iter().zip(&by.velocities);
             let right: Vec<DVec3> = positions.map(|(x, v)| *x * self.gamma + *v).collect();
-            system.linearise(self.gamma, self.base, &solve.at, self.targets);
+            system.linearise(self.gamma, &self.base.velocities, &solve.at, self.targets);
             let multipliers = system.solve_adjoint(&right)?;
             let stiffness = system.pull_stage(
                 self.gamma,
-                self.base,
+                &self.base.velocities,
                 solve,
                 &multipliers,
                 (by, by_base, sums),

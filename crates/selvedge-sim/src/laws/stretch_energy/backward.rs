@@ -2,7 +2,7 @@
 
 use selvedge_cloth::StretchTable;
 
-use super::{SPAN, StretchEnergy, fit, positive_part};
+use super::{Ramp, SPAN, StretchEnergy, fit, positive_part};
 use crate::laws::number::Dual;
 use crate::laws::stretch::Strain;
 
@@ -11,6 +11,9 @@ use crate::laws::stretch::Strain;
 pub(crate) struct EnergySums {
     constant: [f64; 4],
     ramps: Vec<f64>,
+    /// Numbers of the ramps that rise in the form under way, with slope and stiffness of each for a weight of 1,
+    /// and the product of its rises along l and w.
+    rising: Vec<(usize, [f64; 3])>,
 }
 
 /// The form γ W'·l + l·W''·w + T:X of an element at its strain, where strains, and what multiplies
@@ -51,6 +54,7 @@ impl StretchEnergy {
         EnergySums {
             constant: [0.0; 4],
             ramps: vec![0.0; self.ramps.len()],
+            rising: Vec::with_capacity(self.ramps.len()),
         }
     }
 
@@ -69,20 +73,25 @@ impl StretchEnergy {
         let constant = |[a, b, c]: [f64; 3]| [c0 * a + c1 * b, c2 * b + c1 * a, 2.0 * c3 * c];
         let [mut stress, mut by_w, mut along_w] = [strain, l, w].map(constant);
         let mut by_strain = [0.0; 3];
-        let ramps = self.ramps.iter().enumerate().filter_map(|(k, ramp)| {
-            let a = ramp.direction;
+        sums.rising.clear();
+        for (k, Ramp { direction, weight }) in self.ramps.iter().enumerate() {
+            let a = *direction;
             let rise = dot(a, strain);
-            let part = rise.min(SPAN);
-            let unit = [part / SPAN, part / SPAN * (rise - 0.5 * part)];
-            (rise > 0.0).then(|| (k, a, ramp.weight, unit, [dot(a, l), dot(a, w)]))
-        });
-        for (_, a, weight, [stiffness, slope], [along_l, with_w]) in ramps.clone() {
-            add(&mut stress, a, weight * slope);
-            add(&mut by_w, a, weight * stiffness * along_l);
-            add(&mut along_w, a, weight * stiffness * with_w);
-            if stiffness < 1.0 {
-                add(&mut by_strain, a, weight / SPAN * along_l * with_w);
+            if rise <= 0.0 {
+                continue;
             }
+            let part = rise.min(SPAN);
+            let stiffness = part * (1.0 / SPAN);
+            let slope = stiffness * (rise - 0.5 * part);
+            let (along_l, with_w) = (dot(a, l), dot(a, w));
+            let stiff = weight * stiffness;
+            add(&mut stress, a, weight * slope);
+            add(&mut by_w, a, stiff * along_l);
+            add(&mut along_w, a, stiff * with_w);
+            if rise < SPAN {
+                add(&mut by_strain, a, weight * (1.0 / SPAN) * along_l * with_w);
+            }
+            sums.rising.push((k, [slope, stiffness, along_l * with_w]));
         }
         // T is the gradient of a function of the stress: the derivative of T:X is that of T along X.
         let dual = |value, rate| Dual {
@@ -99,10 +108,11 @@ impl StretchEnergy {
         let mut by_stress = tension.map(|t| t.rates[0]);
         add(&mut by_stress, l, gamma);
         add(&mut by_strain, constant(by_stress), 1.0);
-        for (k, a, weight, [stiffness, slope], [along_l, with_w]) in ramps {
-            let along = dot(a, by_stress);
-            add(&mut by_strain, a, weight * stiffness * along);
-            sums.ramps[k] += scale * (slope * along + stiffness * along_l * with_w);
+        for (k, [slope, stiffness, product]) in &sums.rising {
+            let Ramp { direction, weight } = self.ramps[*k];
+            let along = dot(direction, by_stress);
+            add(&mut by_strain, direction, weight * stiffness * along);
+            sums.ramps[*k] += scale * (slope * along + stiffness * product);
         }
         let q = by_stress;
         let products = [

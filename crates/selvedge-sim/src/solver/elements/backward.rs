@@ -5,8 +5,8 @@
 //! both are one form λᵀ J w, w = γ (ahead + c) rates + γ (γ + c) Δv. Where J is the Hessian of an energy
 //! the derivative of that form is symmetric in λ and w.
 
-use glam::DVec3;
-use selvedge_cloth::Scene;
+use glam::{DVec2, DVec3};
+use selvedge_cloth::{Edge, FaceId, Scene};
 
 use super::{Elements, Linearisation, StretchLaws, select};
 use crate::laws::bend;
@@ -37,8 +37,20 @@ pub(crate) struct ElementSums {
     /// By the energy of each material, and by its damping.
     energies: Vec<EnergySums>,
     damping: Vec<f64>,
-    /// By stiffness, rest angle and damping of each hinge.
-    hinges: Vec<([f64; 5], f64, f64)>,
+    /// By stiffness, rest angle, damping, length and area of each hinge.
+    hinges: Vec<([f64; 5], f64, f64, [f64; 2])>,
+    /// Sums T of each face, `[faces]`: corner k of its rest shape has the derivative T (∂u, ∂v) of its shape.
+    faces: Vec<[[f64; 2]; 2]>,
+    /// By the length in the pattern of each edge, up to the last one that has a derivative, `[edges]`.
+    pub(crate) lengths: Vec<f64>,
+}
+
+/// Derivatives by the materials of a scene, by the rest angle of each edge, `[edges]`, and by the pattern,
+/// `[points]`.
+pub(crate) struct SceneSlopes {
+    pub(crate) materials: Vec<MaterialGradient>,
+    pub(crate) rest_angles: Vec<f64>,
+    pub(crate) pattern: Vec<DVec2>,
 }
 
 /// Derivatives by the numbers of a material, as its file has them.
@@ -71,6 +83,8 @@ impl Elements {
             energies,
             damping: vec![0.0; self.damping.len()],
             hinges: vec![Default::default(); self.hinges.count()],
+            faces: vec![Default::default(); self.faces.count()],
+            lengths: Vec::new(),
         }
     }
 
@@ -109,11 +123,14 @@ impl Elements {
             let push = Push::new(residual, &corners, damping);
             let places = select(at.positions, &corners);
             let slopes = element.slopes(at.dt, places, push.multipliers, push.w);
-            let (stiffness, rest_angle, by_damping) = &mut sums.hinges[k];
+            let (stiffness, rest_angle, by_damping, by_shape) = &mut sums.hinges[k];
             for (sum, slope) in stiffness.iter_mut().zip(slopes.by_stiffness) {
                 *sum += slope;
             }
             *rest_angle += slopes.by_rest_angle;
+            for (sum, slope) in by_shape.iter_mut().zip(slopes.by_shape) {
+                *sum += slope;
+            }
             *by_damping += push.spread(&at, damping, &corners, slopes.by_w, by);
             for (corner, slope) in corners.iter().zip(slopes.by_places) {
                 by.positions[*corner as usize] += slope;
@@ -126,7 +143,8 @@ impl Elements {
             return;
         };
         let at = residual.at;
-        for (corners, (element, material)) in self.faces.corners().zip(self.faces.elements()) {
+        let elements = self.faces.corners().zip(self.faces.elements());
+        for (face, (corners, (element, material))) in elements.enumerate() {
             let material = material as usize;
             let (law, damping) = (&laws[material], self.damping[material]);
             let push = Push::new(residual, &corners, damping);
@@ -159,16 +177,30 @@ impl Elements {
                     (u * element.shape_u[k] + v * element.shape_v[k]) * -element.area
                 })
             };
-            let by_w = spread(eu + lu * t[0] + lv * t[2], ev + lv * t[1] + lu * t[2]);
+            let (eu, ev) = (eu + lu * t[0] + lv * t[2], ev + lv * t[1] + lu * t[2]);
+            let by_w = spread(eu, ev);
             sums.damping[material] += push.spread(&at, damping, &corners, by_w, by);
-            for (corner, slope) in corners.iter().zip(spread(gu + a + c, gv + b + d)) {
+            let (bu, bv) = (gu + a + c, gv + b + d);
+            for (corner, slope) in corners.iter().zip(spread(bu, bv)) {
                 by.positions[*corner as usize] += slope;
             }
-            self.pull_air(residual, element.area, &corners, by, sums);
+            // By the shape, which makes gradients of three fields, and by the area: the form is one in λ.
+            let [hu, hv] = along(l, fu, fv);
+            let (hu, hv) = (hu + wu * t[0] + wv * t[2], hv + wv * t[1] + wu * t[2]);
+            let fields = [[fu, lu, wu], [fv, lv, wv]];
+            let form = hu.dot(lu) + hv.dot(lv);
+            let air = self.pull_air(residual, element.area, &corners, by, sums);
+            for (d, (row, of)) in sums.faces[face].iter_mut().zip(fields).enumerate() {
+                for (c, (sum, by)) in row.iter_mut().zip([[bu, hu, eu], [bv, hv, ev]]).enumerate() {
+                    let product: f64 = of.iter().zip(by).map(|(of, by)| of.dot(by)).sum();
+                    let whole = if c == d { air - element.area * form } else { 0.0 };
+                    *sum += whole + element.area * product;
+                }
+            }
         }
     }
 
-    /// The part of the air on a face of this `area` `[m²]`.
+    /// The part of the air on a face of this `area` `[m²]`; returns it.
     fn pull_air(
         &self,
         residual: &Residual<'_>,
@@ -176,7 +208,7 @@ impl Elements {
         corners: &[u32; 3],
         by: &mut State,
         sums: &mut ElementSums,
-    ) {
+    ) -> f64 {
         let at = residual.at;
         let mean = |of: &[DVec3]| select(of, corners).into_iter().sum::<DVec3>() / 3.0;
         let [a, b, c] = select(at.positions, corners);
@@ -184,7 +216,7 @@ impl Elements {
         let twice_area = first.cross(second);
         let length = twice_area.length();
         if length == 0.0 {
-            return;
+            return 0.0;
         }
         let n = twice_area / length;
         let air = &self.environment;
@@ -213,16 +245,15 @@ impl Elements {
         }
         sums.wind += by_r;
         let slowly = slow_air(1.0) * (l.dot(r) - l.dot(y));
-        sums.air_density += scale * (t.abs() * t * ln + slowly - factor * t.abs() * yn * ln);
-        sums.air_drag += scale * (l.dot(r) - t * ln + yn * ln - l.dot(y));
+        let by_density = scale * (t.abs() * t * ln + slowly - factor * t.abs() * yn * ln);
+        let by_drag = scale * (l.dot(r) - t * ln + yn * ln - l.dot(y));
+        sums.air_density += by_density;
+        sums.air_drag += by_drag;
+        density * by_density + drag * by_drag
     }
 
-    /// Derivatives by each material of `scene`, and by the rest angle of each edge, `[edges]`.
-    pub(crate) fn by_materials(
-        &self,
-        scene: &Scene,
-        sums: &ElementSums,
-    ) -> (Vec<MaterialGradient>, Vec<f64>) {
+    /// The derivatives that `sums` are, by the numbers of `scene`.
+    pub(crate) fn by_scene(&self, scene: &Scene, sums: &ElementSums) -> SceneSlopes {
         let (materials, material_of) = scene.materials();
         let mut by: Vec<MaterialGradient> = materials
             .iter()
@@ -239,13 +270,38 @@ impl Elements {
                 by[k].damping = sums.damping[k];
             }
         }
+        let mut faces = sums.faces.clone();
+        let widen = |face: &mut [[f64; 2]; 2], by: f64| {
+            face[0][0] += by;
+            face[1][1] += by;
+        };
         let elements = self.faces.corners().zip(self.faces.elements());
-        for (corners, (element, material)) in elements {
+        for ((corners, (element, material)), face) in elements.zip(&mut faces) {
             let masses = corners.map(|corner| sums.mass[corner as usize]);
-            by[material as usize].density += element.area / 3.0 * masses.iter().sum::<f64>();
+            let by_density = element.area / 3.0 * masses.iter().sum::<f64>();
+            by[material as usize].density += by_density;
+            widen(face, by_density * materials[material as usize].density);
         }
         let mesh = &scene.mesh;
         let (topology, pattern) = (mesh.topology(), mesh.pattern());
+        let mut by_points = vec![DVec2::ZERO; pattern.points().len()];
+        let mut pull_edge = |face: FaceId, edge: &Edge, by: DVec2| {
+            for (vertex, sign) in edge.vertices.into_iter().zip([-1.0, 1.0]) {
+                let corner = topology.faces()[face.index()]
+                    .iter()
+                    .position(|v| *v == vertex);
+                let point = pattern.corner_points(face)[corner.unwrap_or_default()];
+                by_points[point as usize] += by * sign;
+            }
+        };
+        for (edge, by_length) in topology.edges().iter().zip(&sums.lengths) {
+            let (left, right) = pattern.sides(edge);
+            let part = if right.is_some() { 0.5 } else { 1.0 };
+            for side in [Some(left), right].into_iter().flatten() {
+                let along = side.ends[1] - side.ends[0];
+                pull_edge(side.face, edge, along.normalize() * (part * by_length));
+            }
+        }
         let factors = crate::solver::even::factors(scene);
         let mut rest_angles = vec![0.0; topology.edges().len()];
         let mut hinges = sums.hinges.iter();
@@ -253,17 +309,19 @@ impl Elements {
             let (left, Some(right)) = pattern.sides(edge) else {
                 continue;
             };
-            let Some((stiffness, rest_angle, damping)) = hinges.next() else {
+            let Some((stiffness, rest_angle, damping, [by_length, by_area])) = hinges.next() else {
                 break;
             };
             rest_angles[number] = *rest_angle;
             for side in [left, right] {
-                let by = &mut by[material_of[side.face.index()]];
-                by.damping += 0.5 * damping;
+                let material = material_of[side.face.index()];
+                by[material].damping += 0.5 * damping;
                 let half = stiffness.map(|k| 0.5 * factors[number] * k);
-                let mut table = selvedge_cloth::BendTable(by.bend);
-                bend::pull_stiffness(side.ends[1] - side.ends[0], half, &mut table);
-                by.bend = table.0;
+                let (along, table) = (side.ends[1] - side.ends[0], &materials[material].bend);
+                let turned = bend::pull_stiffness(along, table, half, &mut by[material].bend);
+                let by_along = along.normalize() * (0.5 * by_length) + turned;
+                pull_edge(side.face, edge, by_along);
+                widen(&mut faces[side.face.index()], by_area * side.area());
             }
         }
         for (by, material) in by.iter_mut().zip(&materials) {
@@ -271,7 +329,19 @@ impl Elements {
                 by.damping = 0.0;
             }
         }
-        (by, rest_angles)
+        let corners = pattern.corners().into_iter().zip(self.faces.elements());
+        for ((points, (element, _)), face) in corners.zip(faces) {
+            for (k, point) in points.into_iter().enumerate() {
+                let shape = [element.shape_u[k], element.shape_v[k]];
+                let [u, v] = face.map(|row| row[0] * shape[0] + row[1] * shape[1]);
+                by_points[point as usize] += DVec2::new(u, v);
+            }
+        }
+        SceneSlopes {
+            materials: by,
+            rest_angles,
+            pattern: by_points,
+        }
     }
 }
 
