@@ -206,19 +206,12 @@ impl Contact {
         }
     }
 
-    /// Drops the collisions that pulled in the last solve, whose ends are certified or not; `late` only those
-    /// that ended farther apart than the thickness, and the others follow. Returns true if there were some.
-    ///
-    /// A touch that a solve misses is caught where it pushes hard, and may pull in the next one at a gap at which
-    /// the barrier still pushes. Dropped there it is missed again, for ever.
-    pub(super) fn release(&mut self, collisions: &mut Collisions, late: bool) -> bool {
+    /// Drops the collisions that pulled in the last solve, whose ends are certified or not. Returns
+    /// true if there were some.
+    pub(super) fn release(&mut self, collisions: &mut Collisions) -> bool {
         let count = collisions.list.len();
         let sorted = collisions.sorted;
-        let (mut place, mut following) = (0, 0);
-        let end = &self.end;
-        for collision in collisions.list.iter_mut().filter(|_| late) {
-            following += usize::from(collision.follows(|v| end[v]));
-        }
+        let mut place = 0;
         self.forget_pulling(collisions);
         let end = &self.end;
         collisions.list.retain(|collision| {
@@ -227,7 +220,7 @@ impl Contact {
             place += 1;
             !pulls
         });
-        collisions.list.len() < count || following > 0
+        collisions.list.len() < count
     }
 
     /// Forgets that solves missed the collisions that pulled in the last one. Gives the number of those that
@@ -306,10 +299,7 @@ impl Contact {
         let body = self.other_body(pair);
         let thickness = self.bodies.thickness[body];
         let at = match known {
-            Some(collision) => {
-                let last = collision.at.unwrap_or(collision.response.tangent.gap);
-                0.5 * last.min(0.5 * thickness)
-            }
+            Some(collision) => 0.5 * collision.response.tangent.gap.min(0.5 * thickness),
             None => distance.min(LEAST * thickness),
         };
         let of = key(pair);

@@ -167,7 +167,6 @@ impl Contact {
                 tape.at = match collision.at {
                     Some(at) if at == collision.gap => At::Start,
                     Some(_) if known().any(is_half) => At::Half,
-                    Some(_) if earlier.is_some_and(|(own, ..)| own.at != collision.at) => At::Fixed,
                     _ => tape.at,
                 };
                 tape

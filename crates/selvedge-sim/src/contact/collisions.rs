@@ -172,25 +172,9 @@ impl Collision {
         if matches!(self.law, PairLaw::Out) {
             return false;
         }
+        let gap = self.gap + self.normal.dot(self.displacement(place));
         let least = PULL * self.response.inertia * self.thickness;
-        self.response.tangent.force_at(self.gap_at(place)) < -least
-    }
-
-    /// Gap with the points at `place` `[m]`.
-    fn gap_at(&self, place: impl Fn(usize) -> DVec3) -> f64 {
-        self.gap + self.normal.dot(self.displacement(place))
-    }
-
-    /// Has a touch that pulled, but at whose end the barrier pushes, be linearised there by the next solve.
-    /// Returns true if it is one.
-    pub(super) fn follows(&mut self, place: impl Fn(usize) -> DVec3) -> bool {
-        let gap = self.gap_at(&place);
-        let follows = gap < self.thickness && self.pulls(place);
-        if follows {
-            self.at = Some(gap);
-            self.response = Response::default();
-        }
-        follows
+        self.response.tangent.force_at(gap) < -least
     }
 
     /// Sees by the end of the last solve, with the points at `place` `[m]`, whether friction sticks. Returns

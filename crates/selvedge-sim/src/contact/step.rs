@@ -24,9 +24,6 @@ const FEW: f64 = 0.01;
 const DEEP: f64 = 0.25;
 /// Of the repeats, those that see whether firm collisions stick or slide.
 const STICKING: usize = 2;
-/// Repeat from which what pulls within the thickness is not released. From the first on the drape, the stack
-/// and the strip repeat a fifth more of their solves.
-const LATE: usize = 3;
 
 /// A substep to be taken.
 #[derive(Clone, Copy)]
@@ -156,14 +153,14 @@ impl Contact {
             let collisions = &mut active.system.collisions;
             let most = (FEW * collisions.list.len() as f64).max(1.0);
             let is_done = is_near && is_certified && self.forget_pulling(collisions) as f64 <= most;
-            let has_released = !is_done && self.release(collisions, repeat >= LATE);
+            let has_released = !is_done && self.release(collisions);
             let has_caught = !is_certified && self.catch(collisions);
             let has_slipped = repeat < STICKING && collisions.see_slips(|v| self.end[v]);
             if !(has_released || has_caught || has_slipped) && is_near {
                 break;
             }
             if is_done {
-                self.release(collisions, false);
+                self.release(collisions);
             }
             self.counts.repeated += 1;
             is_near = if self.history == HistoryUse::Kept {
