@@ -22,7 +22,7 @@ pub(crate) fn options(
     let ending = path.extension().and_then(|ending| ending.to_str());
     let Some(usual) = ending.and_then(ExportOptions::of_ending) else {
         return Err(wrong(format!(
-            "{}: the name must end in .usda, .usdc, .usdz, .abc, .glb, .pc2, .npz or .obj",
+            "{}: the name must end in .usdc, .usdz, .abc, .glb, .pc2, .npz or .obj",
             path.display()
         )));
     };

@@ -1,7 +1,7 @@
 //! A stepper of one's own: a cloth that follows its handles stiffly. It is recorded over a motion,
 //! compared by the metrics with the same cloth standing still, and exported as an animation.
 //!
-//! `cargo run -p selvedge-data --example custom_stepper` writes `follower.usda` to the system's
+//! `cargo run -p selvedge-data --example custom_stepper` writes `follower.usdc` to the system's
 //! folder for temporary files.
 #![allow(clippy::print_stdout, reason = "an example that prints its result")]
 
@@ -104,7 +104,7 @@ pub(crate) fn run(out: &Path) -> Result<Comparison, Box<dyn Error>> {
     };
     let still = cloth.rest_positions().repeat(121);
     let trajectory = Trajectory::new(cloth, recording.positions, provenance)?;
-    let options = ExportOptions::plain(ExportFormat::Usda);
+    let options = ExportOptions::plain(ExportFormat::Usdc);
     export(
         &trajectory,
         out,
@@ -116,7 +116,7 @@ pub(crate) fn run(out: &Path) -> Result<Comparison, Box<dyn Error>> {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let out = std::env::temp_dir().join("follower.usda");
+    let out = std::env::temp_dir().join("follower.usdc");
     let measures = run(&out)?;
     println!(
         "{} frames in {}, on average {:.3} m from where they started",

@@ -22,6 +22,25 @@ pub(crate) fn sheet(rest: &[Vec3], flat: &[Vec2], faces: &[[u32; 3]], handles: &
     Cloth::new(topology, Handles::new(handles, rest.len()).unwrap(), arrays).unwrap()
 }
 
+/// Two squares sewn along 1-2, the second mirrored and apart in the pattern.
+pub(crate) fn sewn_squares() -> Cloth {
+    let faces = [[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]];
+    let at = [0.0, 1.0, 1.0, 0.0, 2.0, 2.0].into_iter();
+    let at = at.zip([0.0, 0.0, 1.0, 1.0, 0.0, 1.0]);
+    let flat: Vec<Vec2> = at.map(Vec2::from).collect();
+    let mirrored = |v: usize| Vec2::new(10.0 - flat[v].x, flat[v].y);
+    let second = [4, 5, 1, 2].map(mirrored);
+    let arrays = ClothArrays {
+        rest_positions: flat.iter().map(|p| p.extend(0.25)).collect(),
+        material_coordinates: [&flat[..4], &second].concat(),
+        vertex_mass: vec![0.1; 6],
+        face_area: vec![0.5; 4],
+    };
+    let corners = vec![[0, 1, 2], [0, 2, 3], [6, 4, 5], [6, 5, 7]];
+    let topology = Topology::new(6, &faces).unwrap();
+    Cloth::sewn(topology, Handles::new(&[3], 6).unwrap(), arrays, corners).unwrap()
+}
+
 /// Of a run without a scene.
 pub(crate) fn provenance(frame_rate: f64, made_by: &str) -> Provenance {
     Provenance {
@@ -34,6 +53,23 @@ pub(crate) fn provenance(frame_rate: f64, made_by: &str) -> Provenance {
 /// A run of `cloth`, without a scene.
 pub(crate) fn run(cloth: Cloth, frame_rate: f64, positions: Vec<Vec3>) -> Trajectory {
     Trajectory::new(cloth, positions, provenance(frame_rate, "tests")).unwrap()
+}
+
+/// A fan of four triangles around a middle, that sways and swells in awkward numbers: seven frames.
+pub(crate) fn fan() -> Trajectory {
+    let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.5, 0.5]];
+    let flat = corners.map(Vec2::from_array);
+    let faces = [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]];
+    let at = |frame: usize, c: &Vec2| {
+        let t = frame as f32 / 7.0;
+        Vec3::new(0.1 * t + 0.01 * c.x.sin(), c.y * (1.0 + t), 1e-7 * t - c.x) + 0.3 * t * Vec3::Z
+    };
+    let frame = |k: usize| flat.iter().map(move |c| at(k, c));
+    let positions = (0..7).flat_map(frame).collect();
+    let rest: Vec<Vec3> = frame(0).collect();
+    let cloth = sheet(&rest, &flat, &faces, &[3, 2]);
+    let provenance = provenance(60.0, "a \"test\" \\ 1");
+    Trajectory::new(cloth, positions, provenance).unwrap()
 }
 
 /// Writes what `options` choose of a run.

@@ -56,7 +56,7 @@ impl Export {
         let named = FormatName::from_str(&ending, false).ok();
         let Some(format) = format.or(named) else {
             return Err(wrong(format!(
-                "{}: the name must end in .usda, .usdc, .usdz, .abc, .glb, .pc2, .npz, .obj, .png or .gif; for a folder of frames say --format obj or --format png, of which ffmpeg makes films",
+                "{}: the name must end in .usdc, .usdz, .abc, .glb, .pc2, .npz, .obj, .png or .gif; for a folder of frames say --format obj or --format png, of which ffmpeg makes films",
                 path.display()
             )));
         };

@@ -2,8 +2,8 @@
 
     python docs/src/python/check_exports.py out/rollout.safetensors exports
 
-The folder has what `selvedge export` made of that run: any of cloth.usda, cloth.usdc, cloth.usdz, cloth-z.usda (--up z),
-cloth.abc, cloth.glb, cloth.pc2 (with cloth.obj), cloth.npz, frames (--format obj) and thin.glb, thin.usda,
+The folder has what `selvedge export` made of that run: any of cloth.usdc, cloth.usdz, cloth-z.usdc (--up z),
+cloth.abc, cloth.glb, cloth.pc2 (with cloth.obj), cloth.npz, frames (--format obj) and thin.glb, thin.usdc,
 thin.abc (--frames 10.. --every 4).
 docs/src/guides/export.md has the commands. Needs numpy, and what there is of
 
@@ -117,7 +117,7 @@ def check_usd(check):
     from pxr import Gf, Usd, UsdGeom, UsdShade, UsdValidation
 
     version = ".".join(str(part) for part in Usd.GetVersion()[1:])
-    for name in ["cloth.usda", "cloth.usdc", "cloth.usdz", "cloth-z.usda", "thin.usda"]:
+    for name in ["cloth.usdc", "cloth.usdz", "cloth-z.usdc", "thin.usdc"]:
         path = check.path(name)
         if not path:
             continue
@@ -265,7 +265,7 @@ def check_blender(check):
             check.expect(name, "uv", np.allclose(uv[0].uv, check.material[corner], rtol=0, atol=1e-6))
             corners = np.array([loop.vertex_index for loop in sheet().data.loops]).reshape(-1, 3)
             check.expect(name, "faces", (corners == check.faces).all())
-    for name in ["cloth.usda", "cloth.usdc", "cloth.usdz", "cloth-z.usda", "thin.usda"]:
+    for name in ["cloth.usdc", "cloth.usdz", "cloth-z.usdc", "thin.usdc"]:
         if path := check.path(name):
             fresh()
             bpy.ops.wm.usd_import(filepath=path)

@@ -15,7 +15,7 @@ pub(super) fn check_size(format: &str, bytes: u64, every: usize) -> Result<(), P
     }
     let every = every as u64 * bytes.div_ceil(LARGEST);
     Err(Problem(format!(
-        "{format} would have {bytes} bytes, more than the 4 GiB that the format can hold: take every {every}th frame, or fewer frames, or .usda, which has no limit"
+        "{format} would have {bytes} bytes, more than the 4 GiB that the format can hold: take every {every}th frame, or fewer frames, or .usdc, which has no limit"
     )))
 }
 

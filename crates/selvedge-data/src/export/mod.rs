@@ -1,4 +1,4 @@
-//! A trajectory in the formats of other programs: .usda, .usdc, .usdz, .abc, .glb, .pc2 with
+//! A trajectory in the formats of other programs: .usdc, .usdz, .abc, .glb, .pc2 with
 //! an .obj, .obj by the frame, .npz. One file per format; all of them write a `Take`, frames
 //! of the trajectory as they are wanted.
 //!
@@ -53,9 +53,8 @@ pub fn export(
         check_free(&beside)?;
     }
     let written = match options.format {
-        format @ (ExportFormat::Usda | ExportFormat::Usdc | ExportFormat::Usdz) => {
-            usd::write(&take, path, format)
-        }
+        ExportFormat::Usdc => usd::write(&take, path),
+        ExportFormat::Usdz => usd::write_archive(&take, path),
         ExportFormat::Glb => glb::write(&take, path),
         ExportFormat::Pc2 => obj::write_cache(&take, path),
         ExportFormat::Obj => obj::write_one(&take, path),

@@ -8,9 +8,7 @@ use crate::formats::file_error::Problem;
 /// A format that trajectories are written in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ExportFormat {
-    /// USD as text: a mesh with time samples.
-    Usda,
-    /// USD as a binary crate.
+    /// USD as a binary crate: a mesh with time samples.
     Usdc,
     /// USD as an archive of one crate.
     Usdz,
@@ -36,7 +34,7 @@ impl ExportFormat {
 
     /// True for a file that can hold velocities.
     pub fn has_velocities(self) -> bool {
-        matches!(self, Self::Usda | Self::Usdc | Self::Usdz | Self::Abc)
+        matches!(self, Self::Usdc | Self::Usdz | Self::Abc)
     }
 }
 
@@ -82,9 +80,8 @@ impl ExportOptions {
 
     /// The usual options of the format whose files end in `.ending`, in small or capital letters; none for an ending of none.
     pub fn of_ending(ending: &str) -> Option<Self> {
-        use ExportFormat::{Abc, Glb, Npz, Obj, Pc2, Usda, Usdc, Usdz};
+        use ExportFormat::{Abc, Glb, Npz, Obj, Pc2, Usdc, Usdz};
         let formats = [
-            ("usda", Usda),
             ("usdc", Usdc),
             ("usdz", Usdz),
             ("glb", Glb),

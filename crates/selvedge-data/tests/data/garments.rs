@@ -45,7 +45,6 @@ fn exports_have_the_texture_of_the_file_or_none() {
     let own = read(&atlas, MeshOptions::default());
     for (name, format) in [
         ("a.glb", ExportFormat::Glb),
-        ("a.usda", ExportFormat::Usda),
         ("a.usdc", ExportFormat::Usdc),
         ("a.obj", ExportFormat::Obj),
     ] {

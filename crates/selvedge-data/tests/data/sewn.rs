@@ -2,31 +2,11 @@
 //! per corner, or per vertex with a way back.
 
 use crate::export::gltf::Glb;
-use crate::help::{exported, run, says};
+use crate::help::{exported, run, says, sewn_squares as cloth};
 use glam::{Vec2, Vec3};
-use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
 use selvedge_data::export::ExportFormat;
 use selvedge_data::{LoadedScene, MeshOptions, Trajectory, parse_scene, read_mesh};
 use serde_json::Value;
-
-/// Two squares sewn along 1-2, the second mirrored and apart in the pattern.
-fn cloth() -> Cloth {
-    let faces = [[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]];
-    let at = [0.0, 1.0, 1.0, 0.0, 2.0, 2.0].into_iter();
-    let at = at.zip([0.0, 0.0, 1.0, 1.0, 0.0, 1.0]);
-    let flat: Vec<Vec2> = at.map(Vec2::from).collect();
-    let mirrored = |v: usize| Vec2::new(10.0 - flat[v].x, flat[v].y);
-    let second = [4, 5, 1, 2].map(mirrored);
-    let arrays = ClothArrays {
-        rest_positions: flat.iter().map(|p| p.extend(0.25)).collect(),
-        material_coordinates: [&flat[..4], &second].concat(),
-        vertex_mass: vec![0.1; 6],
-        face_area: vec![0.5; 4],
-    };
-    let corners = vec![[0, 1, 2], [0, 2, 3], [6, 4, 5], [6, 5, 7]];
-    let topology = Topology::new(6, &faces).unwrap();
-    Cloth::sewn(topology, Handles::new(&[3], 6).unwrap(), arrays, corners).unwrap()
-}
 
 pub(crate) fn trajectory() -> Trajectory {
     let cloth = cloth();
@@ -74,18 +54,6 @@ fn an_obj_of_a_sewn_cloth_has_its_texture_per_corner_and_comes_back() {
     assert_eq!(pattern.corners(), expected.pattern().corners());
     let points: Vec<Vec2> = pattern.points().iter().map(|p| p.as_vec2()).collect();
     assert_eq!(points, expected.material_coordinates());
-}
-
-#[test]
-fn a_stage_of_a_sewn_cloth_has_texture_coordinates_that_vary_over_faces() {
-    let (_folder, path) = exported(&trajectory(), ExportFormat::Usda, "a.usda", |_| {});
-    let text = std::fs::read_to_string(&path).unwrap();
-    let st = text.split("primvars:st = [").nth(1).unwrap();
-    let (values, after) = st.split_once(']').unwrap();
-    assert_eq!(values.matches('(').count(), 12);
-    says(values, &["(0, 0), (1, 0), (1, 1), (0, 0)"]);
-    let varying = "(\n            interpolation = \"faceVarying\"";
-    assert!(after.trim_start().starts_with(varying), "{after:.60}");
 }
 
 #[test]

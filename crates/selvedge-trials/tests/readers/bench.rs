@@ -45,11 +45,48 @@ latent = 4
 blocks = 1
 "#;
 
+/// A stage of USD's text: a mesh that moves, below a node that does.
+const STAGE: &str = r#"#usda 1.0
+(
+    defaultPrim = "world"
+    endTimeCode = 1
+    metersPerUnit = 0.01
+    timeCodesPerSecond = 24
+    upAxis = "Z"
+)
+
+def Xform "world" (
+    kind = "component"
+)
+{
+    double3 xformOp:translate.timeSamples = {
+        0: (0, 0, 1),
+        1: (0.5, 0, 1),
+    }
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+
+    def Mesh "sheet" (
+        prepend apiSchemas = ["MaterialBindingAPI"]
+    )
+    {
+        int[] faceVertexCounts = [3, 3]
+        int[] faceVertexIndices = [0, 1, 2, 0, 2, 3]
+        rel material:binding = </world/cloth>
+        point3f[] points.timeSamples = {
+            0: [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)],
+            1: [(0, 0, 0), (1, 0, 0), (1, 1, 0.25), (0, 1, 0)],
+        }
+        texCoord2f[] primvars:st = [(0, 0), (1, 0), (1, 1), (0, 1)] (
+            interpolation = "vertex"
+        )
+    }
+}
+"#;
+
 /// Commands of the program that write examples.
-const COMMANDS: [&str; 11] = [
+const COMMANDS: [&str; 10] = [
     "run push.toml --start mesh -o run.safetensors --states states.safetensors",
     "export run.safetensors -o run.glb",
-    "export run.safetensors -o run.usda",
     "export run.safetensors -o run.npz",
     "export run.safetensors -o run.usdc",
     "export run.safetensors -o run.usdz",
@@ -86,6 +123,7 @@ impl Bench {
         let write = |name: &str, text: &str| fs::write(folder.join(name), text).context("a seed");
         write("push.toml", SCENE)?;
         write("moment.toml", TRAINING)?;
+        write("run.usda", STAGE)?;
         let head = SCENE.split("[motion").next().unwrap_or_default();
         let by_motion = format!("{head}\n[motion]\nfile = \"motion.toml\"\n");
         write("by-toml.toml", &by_motion)?;

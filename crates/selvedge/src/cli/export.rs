@@ -14,7 +14,7 @@ use crate::film::Look;
 
 /// Write a trajectory in the format of another program.
 ///
-/// The format follows from the ending of the name: .usda, .usdc or .usdz (USD), .abc (Alembic),
+/// The format follows from the ending of the name: .usdc or .usdz (USD), .abc (Alembic),
 /// .glb (glTF), .pc2 (a point cache, with the mesh beside it as .obj), .npz (NumPy), .gif,
 /// or .obj and .png for one frame. With --format obj or
 /// png the name is that of a new folder, which gets a file per frame. Lengths are metres; the first
@@ -22,12 +22,12 @@ use crate::film::Look;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  selvedge export out/rollout.safetensors -o cloth.usda
+  selvedge export out/rollout.safetensors -o cloth.usdc
   selvedge export out/rollout.safetensors -o cloth.glb --frames 60..180 --every 2
   selvedge export out/rollout.safetensors -o frames --format png
   selvedge export out/rollout.safetensors -o cloth.gif --size 640x480 --camera 90,20 --colour 1f4e79
 
-A .glb has a morph target per frame: long runs are lighter as .usda or .pc2, or with --every.
+A .glb has a morph target per frame: long runs are lighter as .usdc or .pc2, or with --every.
 docs/src/guides/export.md says how Blender, Houdini, Unreal and three.js open these files.")]
 pub(crate) struct ExportArgs {
     /// The trajectory (.safetensors).
@@ -53,7 +53,7 @@ pub(crate) struct ExportArgs {
     #[arg(long, value_name = "YES|NO", value_parser = yes_or_no())]
     normals: Option<bool>,
     /// A velocity for each vertex and frame, in m/s, for motion blur [default: yes for .abc,
-    /// .usdc and .usdz, no for .usda; all others have none].
+    /// .usdc and .usdz; all others have none].
     #[arg(long, value_name = "YES|NO", value_parser = yes_or_no())]
     velocities: Option<bool>,
     /// Width and height of a picture in pixels, as 1280x720 [default: 960x720; of a clip 320x320].
@@ -103,9 +103,7 @@ fn colour(text: &str) -> Result<Rgb, String> {
 /// A format to write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum FormatName {
-    /// USD as text, with time samples.
-    Usda,
-    /// USD as a binary crate.
+    /// USD as a binary crate, with time samples.
     Usdc,
     /// USD as an archive of one crate.
     Usdz,

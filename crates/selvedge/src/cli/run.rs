@@ -23,7 +23,7 @@ Examples:
   selvedge run my-scene.toml --start states.safetensors:60 -o on.safetensors
   selvedge run my-scene.toml --rest -o rest.obj
   selvedge run --model paper --compare
-  selvedge run my-scene.toml --model my-model.safetensors -o my-run --export cloth.usda
+  selvedge run my-scene.toml --model my-model.safetensors -o my-run --export cloth.usdc
   selvedge run my-large-scene.toml --model paper --device gpu
 
 The solver writes one trajectory. With a model -o names a folder, which gets rollout.safetensors,
@@ -44,7 +44,7 @@ pub(crate) struct RunArgs {
     /// Number of frames [default: as long as the scene's motion].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MOST_FRAMES))]
     pub(crate) frames: Option<u32>,
-    /// Also write the run in the format of another program, as its name ends: .usda, .usdc, .usdz,
+    /// Also write the run in the format of another program, as its name ends: .usdc, .usdz,
     /// .abc, .glb, .pc2, .npz or .gif; repeat the option for several (`selvedge export` has more).
     #[arg(long, value_name = "FILE")]
     pub(crate) export: Vec<PathBuf>,

@@ -208,7 +208,7 @@ fn files_that_are_cut_short_or_nothing_of_ours_are_refused() {
          1 | info a.safetensors | a.safetensors
          1 | info a.xyz | a.xyz | .safetensors
          1 | info a.toml | a.toml | line 1
-         1 | export push.toml -o a.usda | push.toml",
+         1 | export push.toml -o a.usdc | push.toml",
     ));
 }
 

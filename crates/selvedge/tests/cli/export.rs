@@ -26,7 +26,6 @@ fn a_run_goes_to_other_programs_and_its_handles_come_back() {
     for (to, motion) in [
         ("cloth.npz", r#"{ recorded = "cloth.npz" }"#),
         ("turned.npz --up z", r#"{ recorded = "turned.npz" }"#),
-        ("cloth.usda --up z", r#"{ rig = { file = "cloth.usda" } }"#),
         ("cloth.usdc", r#"{ rig = { file = "cloth.usdc" } }"#),
         ("cloth.usdz --up z", r#"{ rig = { file = "cloth.usdz" } }"#),
         (
@@ -210,16 +209,16 @@ fn bad_calls_are_told_and_leave_nothing() {
     let wish = "run push.toml -o x.safetensors --export";
     let rollout = "run --model paper --compare push.toml -o deep/other --export";
     dir.refuses(&format!(
-        "2 | {export} cloth.fbx | cloth.fbx | .usda | .glb
+        "2 | {export} cloth.fbx | cloth.fbx | .usdc | .glb
          2 | {export} cloth | --format
          2 | {export} cloth.obj | one frame | 31 | --frames
          2 | {export} cloth.glb --up z | --up z | glTF
          2 | {export} cloth.gif --normals yes | --normals
-         2 | {export} cloth.usda --frames 31 | frame 31 | 0 to 30
-         2 | {export} cloth.usda --frames 9..3 | 9..3
-         2 | {export} cloth.usda --frames a..b | 20..80
-         2 | {export} cloth.usda --frames -1 | 20..80
-         1 | {export} none/cloth.usda | there is no folder none
+         2 | {export} cloth.usdc --frames 31 | frame 31 | 0 to 30
+         2 | {export} cloth.usdc --frames 9..3 | 9..3
+         2 | {export} cloth.usdc --frames a..b | 20..80
+         2 | {export} cloth.usdc --frames -1 | 20..80
+         1 | {export} none/cloth.usdc | there is no folder none
          1 | {export} full --format obj | full | not empty
          1 | {export} full --format glb | full | is a folder
          1 | {export} push.toml --format png | file of this name
@@ -230,7 +229,7 @@ fn bad_calls_are_told_and_leave_nothing() {
          2 | {export} cloth.png --frames 1 --camera 90 | 90,20
          2 | {export} cloth.png --frames 1 --size 3x3 | 1280x720
          2 | {export} cloth.png --frames 1 --colour blue | #1f4e79
-         2 | {wish} a.fbx | a.fbx | .usda
+         2 | {wish} a.fbx | a.fbx | .usdc
          2 | {wish} a.png | a.png | one frame
          1 | {wish} none/a.glb | none
          2 | {rollout} deep/other/a.png | a.png | one frame",

@@ -100,7 +100,6 @@ fn assert_is(found: &Obstacle, number: usize, frames: std::ops::Range<usize>) {
 fn scenes_of_other_programs_have_them_in_the_same_file() {
     for (format, name) in [
         (ExportFormat::Glb, "x.glb"),
-        (ExportFormat::Usda, "x.usda"),
         (ExportFormat::Usdc, "x.usdc"),
         (ExportFormat::Usdz, "x.usdz"),
     ] {
@@ -111,12 +110,9 @@ fn scenes_of_other_programs_have_them_in_the_same_file() {
         assert_among(&found);
     }
     // Turned by the writer and back by the reader.
-    let folder = written(ExportFormat::Usda, "z.usda", UpAxis::Z);
-    let moving = "mesh = \"z.usda\"\nmotion = \"z.usda\"";
+    let folder = written(ExportFormat::Usdc, "z.usdc", UpAxis::Z);
+    let moving = "mesh = \"z.usdc\"\nmotion = \"z.usdc\"";
     assert_among(&read(folder.path(), moving));
-    let text = std::fs::read_to_string(folder.path().join("z.usda")).unwrap();
-    let names = ["\"a_still_one\"", "\"obstacle_sheet_1\"", "\"bending\""];
-    says(text, &names);
 }
 
 /// A round body is smooth; one with edges would be smeared, and has none: programs then take the faces'.

@@ -1,5 +1,5 @@
-//! A trajectory as a USD stage, in each of USD's containers: as text (.usda), as a binary crate
-//! (.usdc), and as an archive of one crate (.usdz).
+//! A trajectory as a USD stage, as a binary crate (.usdc), or as an archive of one crate
+//! (.usdz).
 //!
 //! The stage has one `Mesh` with `points` at time codes, and an `Xform` per handle that moves as it
 //! does. Obstacles are meshes below `/obstacles`. Meshes are bound to a `UsdPreviewSurface`.
@@ -17,7 +17,6 @@ mod cloth;
 mod crate_file;
 mod stage;
 mod tables;
-mod text;
 
 use std::io::{self, Cursor, Seek, Write};
 use std::path::Path;
@@ -27,7 +26,6 @@ use zip::ZipWriter;
 use self::cloth::stage_of;
 use self::stage::Stage;
 use super::common::check_size;
-use super::options::ExportFormat;
 use super::take::{Body, Take};
 use crate::formats::atomic::write_atomically;
 use crate::formats::file_error::Problem;
@@ -36,17 +34,20 @@ use crate::formats::npz::STORED;
 /// Multiple of bytes at which the file in an archive begins.
 const ALIGNED: u16 = 64;
 
-/// Writes the stage: as text, whose numbers are the shortest decimals that are read back exactly, as
-/// a crate, or as an archive of one crate, which is called as the archive is.
-pub(super) fn write(take: &Take<'_>, path: &Path, format: ExportFormat) -> Result<(), Problem> {
-    if format == ExportFormat::Usdz {
-        check_size(".usdz", package_bytes(take), take.every)?;
-    }
+/// Writes the stage as a crate.
+pub(super) fn write(take: &Take<'_>, path: &Path) -> Result<(), Problem> {
     let stage = stage_of(take);
-    Ok(write_atomically(path, |out| match format {
-        ExportFormat::Usda => text::write(&stage, out),
-        ExportFormat::Usdz => write_package(&stage, &crate_name(path), out),
-        _ => crate_file::write(&stage, out),
+    Ok(write_atomically(path, |out| {
+        crate_file::write(&stage, out)
+    })?)
+}
+
+/// Writes the stage as an archive of one crate, which is called as the archive is.
+pub(super) fn write_archive(take: &Take<'_>, path: &Path) -> Result<(), Problem> {
+    check_size(".usdz", package_bytes(take), take.every)?;
+    let stage = stage_of(take);
+    Ok(write_atomically(path, |out| {
+        write_package(&stage, &crate_name(path), out)
     })?)
 }
 
@@ -82,3 +83,6 @@ fn package_bytes(take: &Take<'_>) -> u64 {
     let handles = take.trajectory.handles().vertices().len() as u64;
     of_body(&take.sheet()) + bodies + 40 * handles * take.len() as u64 + (1 << 20)
 }
+
+#[cfg(test)]
+mod tests;

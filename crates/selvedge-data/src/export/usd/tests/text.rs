@@ -1,10 +1,10 @@
-//! A stage as text (.usda, version 1.0).
+//! A stage as text (.usda, version 1.0), for tests to look at.
 
 use std::io::{self, Write};
 
 use glam::Vec3;
 
-use super::stage::{Prim, Property, Stage, Value};
+use super::super::stage::{Prim, Property, Stage, Value};
 
 pub(super) fn write(stage: &Stage<'_>, out: &mut impl Write) -> io::Result<()> {
     let (rate, up) = (stage.rate, stage.up);
