@@ -23,12 +23,13 @@ const SAME: f64 = 1e-7;
 /// The same of slips `[m]`.
 const ROUNDING: f64 = 1e-13;
 
-/// Derivative by the pull of an anchor that a substep left `[1/N]`.
+/// Derivative by the pull of an anchor that a substep left `[1/N]`, and by up to which compression it bears.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AnchorSlope {
     of: Touching,
     normal: DVec3,
     by: DVec3,
+    by_pressed: f64,
 }
 
 /// A solve over `time` `[s]` with a stage of γ `[s]`, and places of the cloth's vertices `[m]`,
@@ -92,8 +93,8 @@ impl ObstacleSlope {
 enum Value {
     /// γ Σ λ·f over its corners, of these λ.
     Work([DVec3; 4]),
-    /// The pull of the anchor that it leaves, times this.
-    Pull(DVec3),
+    /// The pull of the anchor that it leaves, times this, and up to which compression that bears, times this.
+    Anchor(DVec3, f64),
 }
 
 /// Numbers of a collision's shape: weights of its corners, direction, gap at the start, drift, masses, its part
@@ -108,12 +109,14 @@ const SHARE: usize = 13;
 const HALF: usize = 14;
 const SHAPE: usize = 15;
 /// Numbers of a collision's force: its shape; Σ w x of the cloth's corners beyond their places, where they were
-/// expected and where they end; pull of the anchor; Σ w x where an earlier solve has shown that it slides.
+/// expected and where they end; pull of the anchor; Σ w x where an earlier solve has shown that it slides; up to which
+/// compression the anchor bears.
 const EXPECTED: usize = SHAPE;
 const END: usize = EXPECTED + 3;
 const ANCHOR: usize = END + 3;
 const SLID: usize = ANCHOR + 3;
-const FORCE: usize = SLID + 3;
+const PRESSED: usize = SLID + 3;
+const FORCE: usize = PRESSED + 1;
 /// Numbers from which a shape comes: corners at the start; ends of the way on which the pair meets, of obstacles
 /// those of the substep; vertices beside two edges; inverse masses of the corners.
 const STARTS: usize = 0;
@@ -229,9 +232,12 @@ impl Collisions {
             let own = |slope: &&AnchorSlope| {
                 collision.anchored == Some(slope.of) && collision.normal == slope.normal
             };
-            let sum: DVec3 = slopes.iter().filter(own).map(|slope| slope.by).sum();
-            if sum != DVec3::ZERO {
-                collision.pull_back(tape, places, Value::Pull(sum), by, shape);
+            let own = || slopes.iter().filter(own);
+            let sum: DVec3 = own().map(|slope| slope.by).sum();
+            let by_pressed: f64 = own().map(|slope| slope.by_pressed).sum();
+            if sum != DVec3::ZERO || by_pressed != 0.0 {
+                let value = Value::Anchor(sum, by_pressed);
+                collision.pull_back(tape, places, value, by, shape);
             }
         }
     }
@@ -273,6 +279,7 @@ impl Collision {
         numbers[HALF] = self.at.unwrap_or_default();
         let pull = tape.anchor.map_or(DVec3::ZERO, |anchor| anchor.pull);
         set(&mut numbers, ANCHOR, pull);
+        numbers[PRESSED] = self.pressure.pressed;
         numbers
     }
 
@@ -295,7 +302,7 @@ impl Collision {
             NORMAL..SHARE => tape.has_way,
             SHARE => tape.has_share,
             HALF => matches!(tape.at, At::Half),
-            ANCHOR..SLID => tape.anchor.is_some(),
+            ANCHOR..SLID | PRESSED => tape.anchor.is_some(),
             SLID.. => tape.slid.is_some(),
             _ => true,
         };
@@ -321,6 +328,7 @@ impl Collision {
                 of: anchor.of,
                 normal: anchor.normal,
                 by: slope(&slopes, ANCHOR),
+                by_pressed: slopes[PRESSED],
             });
         }
     }
@@ -483,25 +491,29 @@ impl Collision {
         if let PairLaw::Out = self.law {
             return self.value_out(value, end, one);
         }
+        let pressure = self.pressure.with(numbers[PRESSED]);
         let inertia = numbers[MASS] * (1.0 / (time * time));
         let barrier = Barrier {
             thickness: self.thickness,
             base: numbers[MEAN_MASS] * (1.0 / (time * time)),
             share: numbers[SHARE],
             inertia: numbers[MASS] * (1.0 / (gamma * gamma)),
-            pressure: self.pressure,
+            pressure,
             recovery: RECOVERY / time,
         };
         let estimate = gap_at(expected);
         let tangent: Tangent<N> = match self.at {
             None => barrier.linearise(gap, estimate),
-            Some(at) => barrier.at(match tape.at {
-                At::Fixed => one.same(at),
-                At::Start => gap,
-                At::Half => numbers[HALF],
-            }),
+            Some(at) => {
+                let at = match tape.at {
+                    At::Fixed => one.same(at),
+                    At::Start => gap,
+                    At::Half => numbers[HALF],
+                };
+                barrier.at(at, gap)
+            }
         };
-        let firm = self.pressure.firm(gap, self.thickness);
+        let firm = pressure.firm(gap, self.thickness);
         let grip = match firm {
             Some(firm) => inertia.greater(firm.stiffness * SHEAR),
             None => inertia,
@@ -512,11 +524,16 @@ impl Collision {
         let slip = slip_at(end);
         let by = match value {
             Value::Work(multipliers) => multipliers,
-            Value::Pull(by) => {
-                let most = tangent.force_at(gap_at(end)).at_least(0.0) * self.friction;
+            Value::Anchor(by, by_pressed) => {
+                let (time, gap) = (places.part * time, gap_at(end));
+                let ways = [end.dot(end).sqrt(), normal.dot(end)];
+                let pressed = pressure.pressed_after(time, ways, gap, self.thickness);
+                let pressed = pressed * by_pressed;
+                let most = tangent.force_at(gap).at_least(0.0) * self.friction;
                 let pull = grip * slip.dot(slip).sqrt();
                 let kept = if pull.within(most) { one } else { most / pull };
-                return if zero.below(most) { lift(one, by).dot(slip) * grip * kept } else { zero };
+                let left = || lift(one, by).dot(slip) * grip * kept;
+                return if zero.below(most) { left() + pressed } else { pressed };
             }
         };
         let slides = |at: N::Vector, most: N| {

@@ -7,6 +7,9 @@ type V = <Dual as Number>::Vector;
 /// Rates by the numbers of a shape.
 pub(crate) type ShapeRates = [f64; SHAPE];
 
+/// A feature, its direction, and rates of its pull and of up to which compression it bears.
+pub(crate) type AnchorRates = (Touching, DVec3, DVec3, f64);
+
 /// Dual places of a solve `[m]`, `[vertices]`.
 pub(crate) struct Moved<'a> {
     pub(crate) gamma: f64,
@@ -19,8 +22,8 @@ pub(crate) struct Moved<'a> {
     /// Estimates of the solves so far.
     pub(crate) estimates: &'a [Vec<V>],
     pub(crate) masses: &'a [Dual],
-    /// The pulls that the substep before has left.
-    pub(crate) anchors: &'a [(Touching, DVec3, DVec3)],
+    /// Rates of the pulls that the substep before has left, and of up to which compression they bear.
+    pub(crate) anchors: &'a [AnchorRates],
 }
 
 fn value(all: &[V]) -> Vec<DVec3> {
@@ -48,7 +51,7 @@ impl Collisions {
         moved: &Moved<'_>,
         before: &[ShapeRates],
         forces: &mut [DVec3],
-    ) -> (Vec<ShapeRates>, Vec<(Touching, DVec3, DVec3)>) {
+    ) -> (Vec<ShapeRates>, Vec<AnchorRates>) {
         let (start, expected, end) = (value(moved.start), value(moved.expected), value(moved.end));
         let places = Places {
             gamma: moved.gamma,
@@ -80,8 +83,9 @@ impl Collisions {
                 *force += DVec3::from_array(DVec3::AXES.map(along));
             }
             if let Some(of) = collision.anchored {
-                let pull = DVec3::AXES.map(|axis| rate(Value::Pull(axis)));
-                pulls.push((of, collision.normal, DVec3::from_array(pull)));
+                let pull = DVec3::AXES.map(|axis| rate(Value::Anchor(axis, 0.0)));
+                let pressed = rate(Value::Anchor(DVec3::ZERO, 1.0));
+                pulls.push((of, collision.normal, DVec3::from_array(pull), pressed));
             }
         }
         (shapes, pulls)
@@ -171,16 +175,11 @@ impl Collision {
             with_rates(&mut duals, SLID, sum(&slid));
         }
         if let Some(anchor) = tape.anchor {
-            let own = |(of, normal, _): &&(Touching, DVec3, DVec3)| {
-                *of == anchor.of && *normal == anchor.normal
-            };
-            let pull: DVec3 = moved
-                .anchors
-                .iter()
-                .filter(own)
-                .map(|(.., rates)| *rates)
-                .sum();
-            with_rates(&mut duals, ANCHOR, pull);
+            let own =
+                |(of, normal, ..): &&AnchorRates| *of == anchor.of && *normal == anchor.normal;
+            let own = || moved.anchors.iter().filter(own);
+            with_rates(&mut duals, ANCHOR, own().map(|(_, _, pull, _)| *pull).sum());
+            duals[PRESSED].rates[0] = own().map(|(.., pressed)| pressed).sum();
         }
         duals
     }
