@@ -141,9 +141,10 @@ impl<N: Real> Barrier<N> {
 
     /// This tangent, and that of the pressure at the same gap, or of what is pressed slowly.
     fn pressed(&self, tangent: Tangent<N>, ways: [N; 2]) -> Tangent<N> {
-        let pressure = match self.pressure.is_slow {
-            true => self.pressed_slowly(ways),
-            false => self.pressure.tangent(tangent.gap, self.thickness),
+        let pressure = if self.pressure.is_slow {
+            self.pressed_slowly(ways)
+        } else {
+            self.pressure.tangent(tangent.gap, self.thickness)
         };
         Tangent {
             gap: tangent.gap,
