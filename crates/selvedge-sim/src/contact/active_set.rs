@@ -184,7 +184,8 @@ impl Contact {
         drift += self.turned(pair, body, gap.normal);
         let own = feature(pair, body, self.is_of_core(pair));
         let anchor = self.anchor(own, gap.normal);
-        let pressed = anchor.map_or(UNPRESSED, |anchor| anchor.pressed);
+        let mean_mass = weighted / squares;
+        let pressure = self.squeeze.push(pair, body, mean_mass, gap.normal);
         Collision {
             pair: key(pair),
             corners: pair.corners,
@@ -193,10 +194,8 @@ impl Contact {
             gap: distance,
             thickness: self.bodies.thickness[body],
             law,
-            pressure: self
-                .squeeze
-                .push(pair, body, weighted / squares, gap.normal, pressed),
-            mean_mass: weighted / squares,
+            pressure: pressure.with(anchor.map_or(UNPRESSED, |anchor| anchor.pressed)),
+            mean_mass,
             mass: 1.0 / inverse,
             base,
             drift,

@@ -202,9 +202,7 @@ impl Squeeze {
             rise: rise / area,
             begin: 1.0,
             firm: FIRM * area,
-            is_layered: false,
-            is_slow: false,
-            pressed: 0.0,
+            ..Pressure::NONE
         });
         Self {
             pressures: pressures.collect(),
@@ -276,46 +274,35 @@ impl Squeeze {
     }
 
     /// The push of a vertex.
-    fn own(&self, vertex: usize, pressed: f64) -> Pressure {
+    fn own(&self, vertex: usize) -> Pressure {
         Pressure {
-            pressed,
             is_layered: self.layered[vertex],
             ..self.pressures[vertex]
         }
     }
 
-    /// The push of a pair of this mean mass `[kg]` and direction under pressure, which bore slowly up to the
-    /// compression `pressed`: each vertex bears for its own area. Of two layers each bears on the other, by
-    /// half.
-    pub(super) fn push(
-        &self,
-        pair: &Pair,
-        body: usize,
-        mean_mass: f64,
-        normal: DVec3,
-        pressed: f64,
-    ) -> Pressure {
+    /// The push of a pair of this mean mass `[kg]` and direction under pressure, before any of it has come to bear
+    /// slowly: each vertex bears for its own area. Of two layers each bears on the other, by half.
+    pub(super) fn push(&self, pair: &Pair, body: usize, mean_mass: f64, normal: DVec3) -> Pressure {
         let is_squeezed = |corner: &u32| self.squeezed.get(*corner as usize) == Some(&true);
         let own = pair.corners[0] as usize;
         if body == 0 {
             let is_across = || self.sides[own].dot(normal).abs() > -OPPOSITE;
             let is_between = || pair.corners[1..].iter().any(is_squeezed) && is_across();
             return match pair.kind {
-                Kind::VertexFace if self.squeezed[own] && is_between() => {
-                    self.own(own, pressed).halved()
-                }
-                Kind::VertexFace => self.own(own, pressed).slow().halved(),
+                Kind::VertexFace if self.squeezed[own] && is_between() => self.own(own).halved(),
+                Kind::VertexFace => self.own(own).slow().halved(),
                 Kind::EdgeEdge => Pressure::NONE,
             };
         }
         if !pair.corners.iter().any(is_squeezed) {
             return match pair.kind {
-                Kind::VertexFace if own < self.pressures.len() => self.own(own, pressed).slow(),
+                Kind::VertexFace if own < self.pressures.len() => self.own(own).slow(),
                 _ => Pressure::NONE,
             };
         }
         match pair.kind {
-            Kind::VertexFace if own < self.pressures.len() => self.own(own, pressed),
+            Kind::VertexFace if own < self.pressures.len() => self.own(own),
             _ => Pressure {
                 least: RIM_PRESSURE * mean_mass / self.density,
                 rise: RIM_RISE,
