@@ -103,7 +103,7 @@ pub struct ReleasedContact {
     pub winding: f64,
 }
 
-/// Friction that a feature has left.
+/// Friction that a feature has left, and what presses it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrictionAnchor {
     /// The feature, at a whole body where it is a vertex.
@@ -112,6 +112,10 @@ pub struct FrictionAnchor {
     pub normal: DVec3,
     /// Force along the surface `[N]`.
     pub pull: DVec3,
+    /// Compression up to which the fabric bears, as a part of the thickness; below 0 while what lies there has not
+    /// lain still for long.
+    #[serde(default)]
+    pub pressed: f64,
 }
 
 /// A pair that a solve had missed.

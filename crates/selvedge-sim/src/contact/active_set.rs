@@ -10,6 +10,7 @@ use super::collisions::{Collision, Collisions, Met, PairLaw, Sticking};
 use super::friction::{along_surface, kept};
 use super::memory::{self, feature, key};
 use super::narrow_phase::ClosePair;
+use super::pressure::UNPRESSED;
 use super::{ActiveSet, Contact};
 use crate::active_handles::ActiveHandles;
 use crate::lists::Lists;
@@ -144,6 +145,9 @@ impl Contact {
         let law = PairLaw::Barrier { share: near.share };
         let collision = self.collision_of(&near.pair, near.body, &near.gap, near.distance, law);
         let gap = near.caught.and_then(|caught| caught.gap);
+        // Where the fabric has lifted the pair, that tangent of the barrier would pull.
+        let pulls = |gap: &f64| near.distance > gap * (1.5 - 0.5 * gap / collision.thickness);
+        let gap = gap.filter(|gap| !(collision.pressure.bears_slowly() && pulls(gap)));
         let at = gap.map(|gap| gap.min(near.distance));
         Collision {
             at,
@@ -179,6 +183,9 @@ impl Contact {
         }
         drift += self.turned(pair, body, gap.normal);
         let own = feature(pair, body, self.is_of_core(pair));
+        let anchor = self.anchor(own, gap.normal);
+        let mean_mass = weighted / squares;
+        let pressure = self.squeeze.push(pair, body, mean_mass, gap.normal);
         Collision {
             pair: key(pair),
             corners: pair.corners,
@@ -187,10 +194,8 @@ impl Contact {
             gap: distance,
             thickness: self.bodies.thickness[body],
             law,
-            pressure: self
-                .squeeze
-                .push(pair, body, weighted / squares, gap.normal),
-            mean_mass: weighted / squares,
+            pressure: pressure.with(anchor.map_or(UNPRESSED, |anchor| anchor.pressed)),
+            mean_mass,
             mass: 1.0 / inverse,
             base,
             drift,
@@ -198,7 +203,7 @@ impl Contact {
             is_within: false,
             is_of_core: self.is_of_core(pair),
             anchored: Some(own),
-            pull: self.pull(own, gap.normal),
+            pull: anchor.map_or(DVec3::ZERO, |a| along_surface(gap.normal, a.pull)),
             sticking: Sticking::Unknown,
             met: Met::Start,
             at: None,
@@ -342,12 +347,6 @@ impl Contact {
         }
     }
 
-    /// Pull that the anchor of a feature has left on this side `[N]`.
-    fn pull(&self, of: Touching, normal: DVec3) -> DVec3 {
-        self.anchor(of, normal)
-            .map_or(DVec3::ZERO, |anchor| along_surface(normal, anchor.pull))
-    }
-
     /// The anchor of a feature on this side.
     pub(super) fn anchor(&self, of: Touching, normal: DVec3) -> Option<&FrictionAnchor> {
         let anchors = &self.memory.anchors;
@@ -369,7 +368,11 @@ impl Contact {
             let gap = collision.gap + collision.normal.dot(displacement);
             let most = collision.friction * collision.response.tangent.force_at(gap).max(0.0);
             let grip = collision.response.grip;
-            if most <= 0.0 {
+            let time = part * active.system.collisions.time;
+            let opened = collision.normal.dot(displacement);
+            let (ways, thickness) = ([displacement.length(), opened], collision.thickness);
+            let pressed = collision.pressure.pressed_after(time, ways, gap, thickness);
+            if most <= 0.0 && pressed <= UNPRESSED {
                 continue;
             }
             let slip = along_surface(collision.normal, collision.pull / grip + displacement);
@@ -377,6 +380,7 @@ impl Contact {
                 of,
                 normal: collision.normal,
                 pull: kept(slip, grip, most) * grip,
+                pressed,
             });
         }
         anchors.sort_by_key(|anchor| anchor.of);

@@ -26,12 +26,13 @@ const SAME: f64 = 1e-7;
 /// The same of slips `[m]`.
 const ROUNDING: f64 = 1e-13;
 
-/// Derivative by the pull of an anchor that a substep left `[1/N]`.
+/// Derivative by the pull of an anchor that a substep left `[1/N]`, and by up to which compression it bears.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AnchorSlope {
     of: Touching,
     normal: DVec3,
     by: DVec3,
+    by_pressed: f64,
 }
 
 /// A solve over `time` `[s]` with a stage of γ `[s]`, and places of the cloth's vertices `[m]`,
@@ -95,8 +96,8 @@ impl ObstacleSlope {
 enum Value {
     /// γ Σ λ·f over its corners, of these λ.
     Work([DVec3; 4]),
-    /// The pull of the anchor that it leaves, times this.
-    Pull(DVec3),
+    /// The pull of the anchor that it leaves, times this, and up to which compression that bears, times this.
+    Anchor(DVec3, f64),
 }
 
 /// Numbers of a collision's shape: weights of its corners, direction, gap at the start, drift, masses, its part
@@ -204,8 +205,9 @@ struct ForceSlopes {
     by_normal: DVec3,
     /// By displacements where it was expected, where it ends, and where it has slid.
     by_displacements: [DVec3; 3],
-    /// By the pull of the anchor at the start.
+    /// By the pull of the anchor at the start, and by up to which compression it bears.
     by_pull: DVec3,
+    by_pressed: f64,
 }
 
 impl Collisions {
@@ -259,9 +261,11 @@ impl Collisions {
             let of = slopes[first..].iter();
             let of = of.take_while(|slope| collision.anchored == Some(slope.of));
             let own = of.filter(|slope| collision.normal == slope.normal);
-            let sum: DVec3 = own.map(|slope| slope.by).sum();
-            if sum != DVec3::ZERO {
-                collision.pull_back(tape, places, Value::Pull(sum), by, shape);
+            let (pull, pressed) = own.fold((DVec3::ZERO, 0.0), |(pull, pressed), slope| {
+                (pull + slope.by, pressed + slope.by_pressed)
+            });
+            if pull != DVec3::ZERO || pressed != 0.0 {
+                collision.pull_back(tape, places, Value::Anchor(pull, pressed), by, shape);
             }
         }
     }
@@ -352,6 +356,7 @@ impl Collision {
                 of: anchor.of,
                 normal: anchor.normal,
                 by: slopes.by_pull,
+                by_pressed: slopes.by_pressed,
             });
         }
     }
@@ -386,26 +391,36 @@ impl Collision {
             gap_at(expected),
             gap_at(end),
             gap_at(slid),
+            self.pressure.pressed,
         ];
-        let [gap, share, mean_mass, mass, half, estimate, at_end, at_slid] = variables(scalars);
+        let [
+            gap,
+            share,
+            mean_mass,
+            mass,
+            half,
+            estimate,
+            at_end,
+            at_slid,
+            pressed,
+        ] = variables(scalars);
+        let pressure = self.pressure.with(pressed);
         let inertia = mass * (1.0 / (time * time));
         let barrier = Barrier {
             thickness: self.thickness,
             base: mean_mass * (1.0 / (time * time)),
             share,
             inertia: mass * (1.0 / (gamma * gamma)),
-            pressure: self.pressure,
+            pressure,
             recovery: RECOVERY / time,
         };
-        let tangent: Tangent<Dual<8>> = match self.at {
-            None => barrier.linearise(gap, estimate),
-            Some(at) => barrier.at(match tape.at {
-                At::Fixed => gap.same(at),
-                At::Start => gap,
-                At::Half => half,
-            }),
+        let tangent: Tangent<Dual<9>> = match (self.at, tape.at) {
+            (None, _) => barrier.linearise(gap, estimate),
+            (Some(at), At::Fixed) => barrier.at(gap.same(at), gap),
+            (Some(_), At::Start) => barrier.at(gap, gap),
+            (Some(_), At::Half) => barrier.at(half, gap),
         };
-        let grip = match self.pressure.firm(gap, self.thickness) {
+        let grip = match pressure.firm(gap, self.thickness) {
             Some(firm) => inertia.greater(firm.stiffness * SHEAR),
             None => inertia,
         };
@@ -417,9 +432,16 @@ impl Collision {
         // Derivatives by the slip at the end; by another one, and whose that is.
         let (mut by_slip, mut by_other) = (DVec3::ZERO, None);
         let mut by_grip = 0.0;
-        let mut rates = [0.0; 8];
+        let mut rates = [0.0; 9];
         match value {
-            Value::Pull(by) => {
+            Value::Anchor(by, by_pressed) => {
+                let [was, way, gap] = variables([scalars[8], end.length(), scalars[6]]);
+                let ways = [way, gap.same(normal.dot(end))];
+                let pressure = self.pressure.with(was);
+                let left = pressure.pressed_after(places.part * time, ways, gap, self.thickness);
+                let [by_was, by_way, by_gap] = left.rates.map(|rate| rate * by_pressed);
+                (rates[8], rates[6]) = (by_was, by_gap);
+                slopes.by_displacements[1] += end.normalize_or_zero() * by_way;
                 let most = bearing(at_end);
                 let (stiffness, length) = (grip.value, slip.length());
                 if most.value > 0.0 && stiffness * length <= most.value {
@@ -487,6 +509,7 @@ impl Collision {
             rates[0] += rates[5 + k];
         }
         slopes.by_scalars.copy_from_slice(&rates[..5]);
+        slopes.by_pressed = rates[8];
         slopes
     }
 

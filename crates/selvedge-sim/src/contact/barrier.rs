@@ -29,7 +29,7 @@ pub(super) struct Barrier<N = f64> {
     /// Mass of the pair's relative motion over γ² `[N/m]`.
     pub(super) inertia: N,
     /// The push of the fabric under pressure.
-    pub(super) pressure: Pressure,
+    pub(super) pressure: Pressure<N>,
     /// Time in which the fabric recovers from pressure, over that of the solve.
     pub(super) recovery: f64,
 }
@@ -103,12 +103,14 @@ impl<N: Real> Barrier<N> {
         if let (Some(firm), true) = (self.pressure.firm(start, self.thickness), rests) {
             return self.recoil(start, expected, firm);
         }
-        let usual = self.part(self.share, start.greater(expected).at_most(self.thickness));
+        let ways = [start, expected];
+        let rest = start.greater(expected).at_most(self.thickness);
+        let usual = self.part(self.share, rest, ways);
         let least = start.same(LEAST * self.thickness).smaller(start);
         if least.within(self.alone(&usual, expected)) {
             usual
         } else {
-            self.part(self.share.at_least(AT_SPEED), least)
+            self.part(self.share.at_least(AT_SPEED), least, ways)
         }
     }
 
@@ -116,7 +118,7 @@ impl<N: Real> Barrier<N> {
     /// little of the work that pressed it together. Nothing, where it parts faster than the fabric recoils;
     /// but of layers, what is expected without a push does not know of what presses them together.
     fn recoil(&self, start: N, expected: N, firm: Tangent<N>) -> Tangent<N> {
-        let elastic = self.part(self.share, start);
+        let elastic = self.part(self.share, start, [start, start]);
         let tangent = Tangent {
             stiffness: elastic.stiffness + firm.stiffness * self.recovery,
             ..elastic
@@ -125,19 +127,25 @@ impl<N: Real> Barrier<N> {
         if pushes || self.pressure.is_layered { tangent } else { Tangent::none(expected) }
     }
 
-    /// This part of the tangent at `gap`.
-    fn part(&self, part: N, gap: N) -> Tangent<N> {
+    /// This part of the tangent at `gap`, with the pressure of a pair that starts at the first of these gaps
+    /// and is expected at the second.
+    fn part(&self, part: N, gap: N, ways: [N; 2]) -> Tangent<N> {
         let whole = self.tangent(gap);
-        self.pressed(Tangent {
+        let barrier = Tangent {
             gap: whole.gap,
             force: whole.force * part,
             stiffness: whole.stiffness * part,
-        })
+        };
+        self.pressed(barrier, ways)
     }
 
-    /// This tangent, and that of the pressure at the same gap.
-    fn pressed(&self, tangent: Tangent<N>) -> Tangent<N> {
-        let pressure = self.pressure.tangent(tangent.gap, self.thickness);
+    /// This tangent, and that of the pressure at the same gap, or of what is pressed slowly.
+    fn pressed(&self, tangent: Tangent<N>, ways: [N; 2]) -> Tangent<N> {
+        let pressure = if self.pressure.is_slow {
+            self.pressed_slowly(ways)
+        } else {
+            self.pressure.tangent(tangent.gap, self.thickness)
+        };
         Tangent {
             gap: tangent.gap,
             force: tangent.force + pressure.force_at(tangent.gap),
@@ -145,9 +153,25 @@ impl<N: Real> Barrier<N> {
         }
     }
 
-    /// The tangent at `gap`, whatever is expected.
-    pub(super) fn at(&self, gap: N) -> Tangent<N> {
-        self.pressed(self.tangent(gap.at_most(self.thickness)))
+    /// The tangent of what is pressed slowly: as [`Self::linearise`] has that of the barrier, and less by what
+    /// the fabric loses as it opens from the `start`. Against the expected gap, that would push open what opens,
+    /// and a pile would flutter for ever. Nothing, where it would pull.
+    fn pressed_slowly(&self, [start, expected]: [N; 2]) -> Tangent<N> {
+        let rest = start.greater(expected).at_most(self.thickness);
+        let elastic = self.pressure.tangent(rest, self.thickness);
+        let lost = elastic.stiffness * self.recovery;
+        let tangent = Tangent {
+            gap: rest,
+            force: elastic.force + lost * (start - rest),
+            stiffness: elastic.stiffness + lost,
+        };
+        let pulls = tangent.force_at(expected).below(rest.same(0.0));
+        if pulls { Tangent::none(rest) } else { tangent }
+    }
+
+    /// The tangent at `gap`, whatever is expected of a pair that begins at `start`.
+    pub(super) fn at(&self, gap: N, start: N) -> Tangent<N> {
+        self.pressed(self.tangent(gap.at_most(self.thickness)), [start, start])
     }
 
     /// The force that a pair on its way from `start` to `expected` is expected to bear `[N]`: what stops it

@@ -261,7 +261,7 @@ impl Collision {
         let estimate = self.gap + self.normal.dot(displacement);
         let tangent = match self.at {
             None => barrier.linearise(self.gap, estimate),
-            Some(gap) => barrier.at(gap),
+            Some(gap) => barrier.at(gap, self.gap),
         };
         let most = self.friction * barrier.bears(&tangent, self.gap, estimate);
         let inertia = self.mass / (time * time);

@@ -37,7 +37,7 @@ use crate::active_handles::ActiveHandles;
 use crate::state::State;
 pub use backward::ObstacleSlope;
 #[cfg(test)]
-pub(crate) use backward::tests::Moved;
+pub(crate) use backward::tests::{AnchorRates, Moved};
 pub(crate) use backward::{AnchorSlope, PlaceSlopes, Places, ShapeSlopes};
 pub(crate) use came_from::CollisionTape;
 pub(crate) use collisions::{Collisions, to_single};

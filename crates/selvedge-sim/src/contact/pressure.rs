@@ -12,6 +12,20 @@ use super::real::Real;
 /// Gap, as a part of that at which the push begins, below which it goes on straight.
 const CRUSHED: f64 = 0.15;
 
+/// Time in which a fabric that lies still comes to bear what presses it `[s]`.
+const SETTLING: f64 = 0.5;
+
+/// The compression of what has not lain still yet: below 0, so that it bears nothing for a while, which is the
+/// longer the less it is pressed.
+pub(super) const UNPRESSED: f64 = -0.4;
+
+/// Time in which two sides that open would part, from which they count as parting `[s]`. What swings would else
+/// come to bear just before it parts, and be pushed off each time.
+const PARTS: f64 = 0.25;
+
+/// Speed of two sides from which it does not come to bear more `[m/s]`: what falls or slides presses nothing.
+const SLOW: f64 = 0.005;
+
 /// Pressure from which friction holds as firmly as the fabric does `[Pa]`; below, as its inertia asks.
 const FIRM: f64 = 15.0;
 
@@ -31,7 +45,7 @@ const RIM_RISE: f64 = 6.0;
 /// The push of a pair under pressure: at a gap g it is f₀ (exp(s (1 - g/b)) - 1), b being the gap at which
 /// it begins. `[eq:contact-pressure]`
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Pressure {
+pub(super) struct Pressure<N = f64> {
     /// f₀ `[N]`.
     least: f64,
     /// s.
@@ -42,6 +56,10 @@ pub(super) struct Pressure {
     firm: f64,
     /// True if layers lie on each other there: none of them parts while others press it.
     pub(super) is_layered: bool,
+    /// True if it bears slowly what lies still, and not what falls: its push does not grow beyond `pressed`.
+    pub(super) is_slow: bool,
+    /// Compression up to which it bore slowly at the end of the last substep, as a part of b.
+    pub(super) pressed: N,
 }
 
 impl Pressure {
@@ -52,6 +70,8 @@ impl Pressure {
         begin: 0.0,
         firm: f64::INFINITY,
         is_layered: false,
+        is_slow: false,
+        pressed: 0.0,
     };
 
     /// That of half the area.
@@ -63,23 +83,79 @@ impl Pressure {
         }
     }
 
+    /// That of cloth which no bodies squeeze.
+    fn slow(self) -> Self {
+        Self {
+            firm: f64::INFINITY,
+            is_slow: true,
+            ..self
+        }
+    }
+
+    /// True if what lies still has come to bear.
+    pub(super) fn bears_slowly(&self) -> bool {
+        self.is_slow && self.pressed > 0.0
+    }
+
+    /// The same, with another number for what it has come to bear.
+    pub(super) fn with<N>(self, pressed: N) -> Pressure<N> {
+        Pressure {
+            least: self.least,
+            rise: self.rise,
+            begin: self.begin,
+            firm: self.firm,
+            is_layered: self.is_layered,
+            is_slow: self.is_slow,
+            pressed,
+        }
+    }
+}
+
+impl<N: Real> Pressure<N> {
+    /// Compression up to which the fabric bears after `time` `[s]` at the end of which a pair of this
+    /// `thickness` has this `gap` `[m]`, having moved by `way` and opened by `opened` `[m]`. `[eq:contact-pressed]`
+    pub(super) fn pressed_after(
+        &self,
+        time: f64,
+        [way, opened]: [N; 2],
+        gap: N,
+        thickness: f64,
+    ) -> N {
+        let [zero, one] = [0.0, 1.0].map(|value| gap.same(value));
+        let now = (one - gap / gap.same(thickness)).at_least(0.0);
+        let slow = (one - way / gap.same(SLOW * time)).at_least(0.0);
+        let parts = (now * (thickness * time / PARTS)).below(opened);
+        let waits = self.pressed.below(zero) && (slow.within(zero) || parts);
+        if self.begin < 1.0 || waits {
+            return gap.same(UNPRESSED);
+        }
+        let more = slow * (now - self.pressed).at_least(0.0) * (time / SETTLING);
+        now.smaller(self.pressed + more)
+    }
+
     /// The tangent of the force at `gap` `[m]` of a pair of this `thickness` `[m]`.
-    pub(super) fn tangent<N: Real>(&self, gap: N, thickness: f64) -> Tangent<N> {
+    pub(super) fn tangent(&self, gap: N, thickness: f64) -> Tangent<N> {
         let begin = gap.same(self.begin * thickness);
-        if begin.within(gap) {
+        if begin.within(gap) || self.is_slow && self.pressed.within(gap.same(0.0)) {
             return Tangent::none(gap);
         }
-        let gap = gap.at_least(CRUSHED * self.begin * thickness);
-        let grown = ((gap.same(1.0) - gap / begin) * self.rise).exp() * self.least;
+        let mut at = gap.at_least(CRUSHED * self.begin * thickness);
+        if self.is_slow {
+            at = at.greater((gap.same(1.0) - self.pressed) * begin);
+        }
+        let grown = ((gap.same(1.0) - at / begin) * self.rise).exp() * self.least;
+        let force = grown - self.least;
+        // What is pressed slowly resists no further before it has come to.
+        let (gap, firm) = if self.is_slow { (gap, force) } else { (at, grown) };
         Tangent {
             gap,
-            force: grown - self.least,
-            stiffness: grown * self.rise / begin,
+            force,
+            stiffness: firm * self.rise / begin,
         }
     }
 
     /// The same of a pair that begins at `gap` `[m]`, if it is pressed firmly there.
-    pub(super) fn firm<N: Real>(&self, gap: N, thickness: f64) -> Option<Tangent<N>> {
+    pub(super) fn firm(&self, gap: N, thickness: f64) -> Option<Tangent<N>> {
         let tangent = self.tangent(gap, thickness);
         let is_firm = gap.same(self.firm).below(tangent.force);
         is_firm.then_some(tangent)
@@ -126,7 +202,7 @@ impl Squeeze {
             rise: rise / area,
             begin: 1.0,
             firm: FIRM * area,
-            is_layered: false,
+            ..Pressure::NONE
         });
         Self {
             pressures: pressures.collect(),
@@ -205,8 +281,8 @@ impl Squeeze {
         }
     }
 
-    /// The push of a pair of this mean mass `[kg]` and direction under pressure, where the cloth is
-    /// squeezed: each vertex bears for its own area. Of two layers each bears on the other, by half.
+    /// The push of a pair of this mean mass `[kg]` and direction under pressure, before any of it has come to bear
+    /// slowly: each vertex bears for its own area. Of two layers each bears on the other, by half.
     pub(super) fn push(&self, pair: &Pair, body: usize, mean_mass: f64, normal: DVec3) -> Pressure {
         let is_squeezed = |corner: &u32| self.squeezed.get(*corner as usize) == Some(&true);
         let own = pair.corners[0] as usize;
@@ -215,11 +291,15 @@ impl Squeeze {
             let is_between = || pair.corners[1..].iter().any(is_squeezed) && is_across();
             return match pair.kind {
                 Kind::VertexFace if self.squeezed[own] && is_between() => self.own(own).halved(),
-                _ => Pressure::NONE,
+                Kind::VertexFace => self.own(own).slow().halved(),
+                Kind::EdgeEdge => Pressure::NONE,
             };
         }
         if !pair.corners.iter().any(is_squeezed) {
-            return Pressure::NONE;
+            return match pair.kind {
+                Kind::VertexFace if own < self.pressures.len() => self.own(own).slow(),
+                _ => Pressure::NONE,
+            };
         }
         match pair.kind {
             Kind::VertexFace if own < self.pressures.len() => self.own(own),
@@ -237,6 +317,59 @@ impl Squeeze {
 mod tests {
     use super::*;
 
+    const LYING: Pressure = Pressure {
+        least: 2e-4,
+        rise: 13.8,
+        begin: 1.0,
+        firm: f64::INFINITY,
+        is_layered: false,
+        is_slow: true,
+        pressed: 0.2,
+    };
+
+    #[test]
+    fn what_lies_still_comes_to_bear_and_what_moves_does_not() {
+        let (time, gap, thickness) = (1.0 / 60.0, 5e-4, 1e-3);
+        let after = |way: f64, gap: f64| LYING.pressed_after(time, [way, 0.0], gap, thickness);
+        let more = (1.0 - gap / thickness - 0.2) * time / SETTLING;
+        assert!((after(0.0, gap) - 0.2 - more).abs() < 1e-15);
+        assert!((after(0.5 * SLOW * time, gap) - 0.2 - 0.5 * more).abs() < 1e-15);
+        assert_eq!(after(1e-3, gap), 0.2, "it slides");
+        assert!(
+            (after(0.0, 9e-4) - 0.1).abs() < 1e-15,
+            "it bears no more than there is"
+        );
+        assert_eq!(after(0.0, 2e-3), 0.0);
+        let waits = Pressure {
+            pressed: -0.05,
+            ..LYING
+        };
+        let waits =
+            |way: f64, opened: f64| waits.pressed_after(time, [way, opened], gap, thickness);
+        let parting = 0.5 * thickness * time / PARTS;
+        assert!(waits(0.0, 0.0) > -0.05 && waits(0.0, 0.9 * parting) > -0.05);
+        assert_eq!(waits(0.0, 1.1 * parting), UNPRESSED, "it is about to part");
+        assert_eq!(waits(1e-3, 0.0), UNPRESSED);
+        let none = Pressure::NONE.pressed_after(time, [0.0; 2], gap, thickness);
+        assert_eq!(none, UNPRESSED);
+    }
+
+    #[test]
+    fn what_lies_deep_bears_as_much_as_it_has_come_to() {
+        let thickness = 1e-3;
+        let curve = 2e-4 * ((13.8_f64 * 0.2).exp() - 1.0);
+        for gap in [1e-4, 5e-4, 8e-4] {
+            let at = LYING.tangent(gap, thickness);
+            assert!((at.force / curve - 1.0).abs() < 1e-12, "{gap}");
+        }
+        assert!(LYING.tangent(9e-4, thickness).force < 0.3 * curve);
+        let falls = Pressure {
+            pressed: 0.0,
+            ..LYING
+        };
+        assert_eq!(falls.tangent(1e-4, thickness).stiffness, 0.0);
+    }
+
     #[test]
     fn the_tangent_is_that_of_the_curve() {
         let (thickness, pressure) = (
@@ -247,6 +380,8 @@ mod tests {
                 begin: 1.0,
                 firm: 1e-2,
                 is_layered: false,
+                is_slow: false,
+                pressed: 0.0,
             },
         );
         let curve = |gap: f64| 2e-4 * ((13.8 * (1.0 - gap / thickness)).exp() - 1.0);

@@ -8,12 +8,12 @@
 
 use glam::{DVec2, DVec3};
 use selvedge_cloth::{
-    Environment, HandleTargets, Handles, Integrator, LinearSolver, Mesh, Scene, Stepper, Touching,
+    Environment, HandleTargets, Handles, Integrator, LinearSolver, Mesh, Scene, Stepper,
 };
 
 use super::SubstepTape;
 use super::two_step::TwoStep;
-use crate::contact::Moved;
+use crate::contact::{AnchorRates, Moved};
 use crate::edges::free_edges;
 use crate::laws::bend::BendElement;
 use crate::laws::external::{AirResistance, Drag, air_response};
@@ -436,7 +436,7 @@ impl Cloth {
         tape: &SubstepTape,
         start: &Dynamic,
         before: Option<&Dynamic>,
-        pulls: &mut Vec<(Touching, DVec3, DVec3)>,
+        pulls: &mut Vec<AnchorRates>,
     ) -> [Dynamic; 2] {
         assert!(self.formula.point == 1.0 && tape.pushed.is_empty() && tape.safe.is_none());
         let base = before.map_or(start.clone(), |before| {

@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 use selvedge_cloth::bodies::{self, Body, Core};
-use selvedge_cloth::{ContactSettings, Integrator, Obstacle, Stepper};
+use selvedge_cloth::{ContactSettings, Handles, Integrator, Mesh, Obstacle, Stepper};
 use selvedge_sim::{Gradient, GradientSettings, Simulator};
 
 use crate::differences::{Case, vectors};
@@ -58,6 +58,29 @@ fn falling(number: usize, frames: usize) -> Case {
         targets: vec![(Vec::new(), Vec::new()); frames],
         scene,
     }
+}
+
+/// Two sheets of 2 by 2 squares of 5 cm that lie on a floor and on each other, until the fabric has come to bear
+/// them by its curve.
+fn pile(number: usize, frames: usize) -> Case {
+    let mut case = falling(number, frames);
+    let one = grid(2, 2, 0.05, |p| DVec3::new(p.x - 0.05, 0.0, p.y - 0.05));
+    let faces = one.topology().face_indices();
+    let above = faces.iter().map(|face| face.map(|v| v + 9));
+    let faces: Vec<_> = faces.iter().copied().chain(above).collect();
+    let flat = [one.material_coordinates(); 2].concat();
+    let aside = DVec3::new(0.011, 0.0, 0.007);
+    let place = |layer: usize| {
+        let up = DVec3::Y * [1.42e-3, 3.11e-3][layer] + aside * layer as f64;
+        one.positions().iter().map(move |p| *p + up)
+    };
+    let places = place(0).chain(place(1)).zip(vectors(0, 18));
+    case.positions = places.map(|(p, n)| p + n * 3e-6).collect();
+    case.velocities = vectors(500, 18).iter().map(|n| *n * 1e-4).collect();
+    case.scene.handles = Handles::new(&[], 18).unwrap();
+    case.scene.physics.substeps = 4;
+    case.scene.mesh = Mesh::new(&faces, flat, case.positions.clone()).unwrap();
+    case
 }
 
 impl Case {
@@ -145,6 +168,27 @@ touching! {
     on_a_capsule, 9;
     on_a_slope, 16;
     on_itself, 5;
+}
+
+/// What has come to bear has a memory, whose derivatives go from substep to substep.
+#[test]
+fn a_pile_has_the_slopes_of_what_it_has_come_to_bear() {
+    for number in [7, 13] {
+        let frames = 45;
+        let case = pile(number, frames);
+        let mut simulator = case.simulator();
+        for frame in 0..frames {
+            simulator.step(&case.targets(frame)).unwrap();
+        }
+        let memory = simulator.checkpoint().contact.unwrap();
+        let anchors = memory.anchors.iter();
+        let borne = anchors.filter(|anchor| anchor.pressed > 0.01).count();
+        assert!(borne >= 3, "{borne}");
+        let errors = case.errors();
+        let [median, worst] = [errors[errors.len() / 2], errors[errors.len() - 1]];
+        println!("pile {number}: {borne} bear, median {median:.1e}, worst {worst:.1e}");
+        assert!(median < 1e-6 && worst < 1e-4, "{median} {worst}");
+    }
 }
 
 #[test]

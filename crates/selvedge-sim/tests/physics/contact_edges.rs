@@ -99,7 +99,8 @@ fn edges_hold_on_edges_without_creep() {
             ..on
         };
         let mut simulator = on.simulator();
-        let (from, _) = on.glide(&mut simulator, 30);
+        // The fabric comes to bear.
+        let (from, _) = on.glide(&mut simulator, 60);
         let (to, _) = on.glide(&mut simulator, 60);
         let creep = to - from;
         println!("{} {} {}: creep {creep:e}", on.slope, on.pieces, on.turn);

@@ -13,86 +13,83 @@ use selvedge_sim::Simulator;
 use crate::sheets::{elastic, grid, isotropic, scene};
 use crate::touching::{
     GRAVITY, OnSlope, copies, downhill, first_order, glide, ground, lying, mean, rest_gap, run,
-    shrunk, smallest_gap,
+    shrunk,
 };
 
 #[test]
-fn a_sheet_at_rest_stands_where_the_barrier_carries_it() {
+fn a_sheet_at_rest_stands_where_its_curve_carries_it() {
     let mut scene = first_order(lying(8, |p| p + DVec3::Y * 8e-4));
     scene.obstacles = vec![ground(0.0)];
     let mut simulator = Simulator::new(&scene).unwrap();
-    run(&mut simulator, 60);
+    run(&mut simulator, 240);
     let expected = rest_gap(0.0, 4);
-    assert!((expected / 1e-3 - 0.71).abs() < 0.005);
+    assert!((expected / 1e-3 - 0.9).abs() < 0.005);
     let found = mean(simulator.positions_f64().iter().map(|p| p.y));
     assert!((found / expected - 1.0).abs() < 0.02, "{found} {expected}");
     let energy = simulator.kinetic_energy();
     assert!(energy < 1e-9, "{energy}");
-    // The barrier's force at the gaps that are, against the weight.
+    // The force of fabric and barrier at the gaps that are, against the weight.
     let masses = simulator.vertex_mass().iter();
+    let (density, curve) = (scene.material.density, scene.material.compression);
     let forces = masses.zip(simulator.positions_f64()).map(|(mass, p)| {
         let depth = (1e-3 - p.y).max(0.0);
         assert!(p.y > 5e-4, "{p}");
-        2.0 * mass * 240.0 * 240.0 * depth * depth / 1e-3
+        let barrier = 2.0 * mass * 240.0 * 240.0 * depth * depth / 1e-3;
+        mass / density * curve.pressure(p.y / 1e-3) + barrier
     });
     let weight = GRAVITY * simulator.vertex_mass().iter().sum::<f64>();
     let force: f64 = forces.sum();
     assert!((force / weight - 1.0).abs() < 5e-3, "{force} {weight}");
 }
 
-/// Sheets of 0.3 m at rest on each other and on the ground, 25 vertices each; sheet k is turned by
-/// k times `turn` `[rad]`. The mean of their gaps, and the least gap of all pairs `[m]`.
-fn stack(count: usize, turn: f64) -> (f64, f64) {
-    let mut scene = first_order(lying(5, |p| p * 0.3));
+/// Sheets of 0.3 m that lie on each other and on the ground, `side`² vertices each; sheet k is turned by k times
+/// `turn` `[rad]`. After four seconds, the height of the top one's median vertex over what the curve of the fabric
+/// has at the load of each layer, and the mean speed `[m/s]`; and the most iterations of a solve.
+fn stack(count: usize, side: usize, turn: f64, substeps: u32) -> (f64, f64, u32) {
+    let mut scene = lying(side, |p| p * 0.3);
+    scene.physics.substeps = substeps;
     let sheet = shrunk(&scene.mesh, 0.3);
     scene.mesh = copies(&sheet, count, |copy, p| {
         let height = 9e-4 * (copy + 1) as f64;
         DQuat::from_rotation_y(turn * copy as f64) * p + DVec3::Y * height
     });
-    scene.handles = Handles::new(&[], 25 * count).unwrap();
+    let each = side * side;
+    scene.handles = Handles::new(&[], each * count).unwrap();
     scene.obstacles = vec![ground(0.0)];
     let mut simulator = Simulator::new(&scene).unwrap();
     let mut most = None;
-    for _ in 0..60 {
+    for _ in 0..240 {
         run(&mut simulator, 1);
         most = most.max(simulator.solver_iterations());
     }
-    // Some 10; without the couplings in its factor the preconditioner needs 30.
-    assert!(most.is_some_and(|most| most <= 20), "{most:?}");
-    let energy = simulator.kinetic_energy();
-    assert!(energy < 1e-7, "{energy}");
-    let top = &simulator.positions_f64()[25 * (count - 1)..];
-    let least = smallest_gap(&scene, &simulator);
-    (mean(top.iter().map(|p| p.y)) / count as f64, least)
-}
-
-/// The gap at which a pair bears this many vertices' weight, as a part of ĝ of 1 mm: 2κ(ĝ - g)²/ĝ,
-/// below ĝ/2 as much as κĝ(ĝ/g - 1)²/2.
-fn gap_under(weights: f64) -> f64 {
-    let load = weights * GRAVITY / (240.0 * 240.0 * 1e-3);
-    let gap = 1.0 - (0.5 * load).sqrt();
-    if gap >= 0.5 { gap } else { 1.0 / (1.0 + (2.0 * load).sqrt()) }
+    let top = &simulator.positions_f64()[each * (count - 1)..];
+    let mut heights: Vec<f64> = top.iter().map(|p| p.y).collect();
+    heights.sort_by(f64::total_cmp);
+    let load = |above: usize| above as f64 * GRAVITY * scene.material.density;
+    let gaps = (1..=count).map(|above| 1e-3 * scene.material.compression.gap(load(above)));
+    let speeds = simulator.velocities_f64().iter().map(|v| v.length());
+    (
+        heights[each / 2] / gaps.sum::<f64>(),
+        mean(speeds),
+        most.unwrap(),
+    )
 }
 
 #[test]
-fn ten_layers_keep_their_gaps() {
-    // Between two layers that lie on each other each vertex of either side bears on the other: a
-    // pair has half of a vertex' load. On the ground, and where the vertices of one side alone
-    // bear, it has all of it. Turned, a part of the vertices has nothing below.
-    let mean_gap = |share: f64| {
-        let layers = (1..10).map(|above| gap_under(share * f64::from(above)));
-        (layers.sum::<f64>() + gap_under(10.0)) / 10.0
-    };
-    let (shared, single) = (mean_gap(0.5), mean_gap(1.0));
-    for (turn, least_mean) in [(0.0, shared), (0.1, single)] {
-        let (found, least) = stack(10, turn);
-        let (found, least) = (found / 1e-3, least / 1e-3);
-        println!("{turn}: gaps {found} of the thickness, least {least}, law {single} to {shared}");
-        assert!(
-            found > 0.95 * least_mean && found < 1.05 * shared,
-            "{turn}: {found}"
-        );
-        assert!(least > 0.3, "{turn}: {least}");
+fn layers_stand_as_the_curve_has_each_at_its_load() {
+    let (flat, turned) = ((5, 0.0, [1, 2, 4].as_slice()), (9, 0.1, [1, 4].as_slice()));
+    for (count, (side, turn, substeps)) in [(1, flat), (10, flat), (10, turned)] {
+        for substeps in substeps {
+            let (height, speed, most) = stack(count, side, turn, *substeps);
+            println!(
+                "{count} layers of {side}² vertices, turned by {turn}, {substeps} substeps: {height:.3} of the curve, {speed:.1e} m/s"
+            );
+            assert!((height - 1.0).abs() < 0.05, "{count} {substeps}: {height}");
+            if *substeps == 4 && turn == 0.0 {
+                // Without the couplings in its factor the preconditioner needs 30.
+                assert!(speed < 1e-4 && most <= 20, "{speed} {most}");
+            }
+        }
     }
 }
 

@@ -2,8 +2,8 @@
 
 use glam::{DQuat, DVec3};
 use selvedge_cloth::{
-    ContactSettings, HandleTargets, Handles, Integrator, Mesh, Motion, Obstacle, ObstaclePath,
-    RigidKey, Scene, Stepper, bodies,
+    ContactSettings, FrictionAnchor, HandleTargets, Handles, Integrator, Mesh, Motion, Obstacle,
+    ObstaclePath, RigidKey, Scene, Stepper, Touching, bodies,
 };
 use selvedge_sim::{ContactGauge, Simulator};
 
@@ -122,10 +122,49 @@ pub(crate) struct OnSlope {
     pub(crate) substeps: u32,
 }
 
-/// The gap at which a sheet rests on a slope `[m]`: 2κ(ĝ - g)²/ĝ = m g with κ = m/dt².
+/// The gap at which a sheet of gray interlock rests on a slope `[m]`: the fabric bears by its curve, with
+/// the barrier, 2κ(ĝ - g)²/ĝ with κ = m/dt².
 pub(crate) fn rest_gap(slope: f64, substeps: u32) -> f64 {
     let dt = 1.0 / (60.0 * f64::from(substeps));
-    1e-3 * (1.0 - (GRAVITY * slope.cos() * dt * dt / 2e-3).sqrt())
+    let fabric = material(GRAY);
+    let density = fabric.density;
+    let borne = |part: f64| {
+        let barrier = 2.0 * density * 1e-3 * (1.0 - part).powi(2) / (dt * dt);
+        fabric.compression.pressure(part) + barrier
+    };
+    let (mut low, mut high) = (0.5, 1.0);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if borne(middle) > density * GRAVITY * slope.cos() {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    1e-3 * low
+}
+
+/// A cloth at the start of its scene with these velocities `[m/s]`, whose vertices up to this `count` have lain at
+/// `gap` `[m]` from the first obstacle, along `normal`, for long.
+pub(crate) fn borne(
+    scene: &Scene,
+    velocities: Vec<DVec3>,
+    count: usize,
+    gap: f64,
+    normal: DVec3,
+) -> Simulator {
+    let start = scene.mesh.positions().to_vec();
+    let simulator = Simulator::with_state(scene, start, velocities).unwrap();
+    let mut state = simulator.checkpoint();
+    let anchor = |vertex| FrictionAnchor {
+        of: Touching::Vertex { vertex, other: 1 },
+        normal,
+        pull: DVec3::ZERO,
+        pressed: 1.0 - gap / 1e-3,
+    };
+    let memory = state.contact.get_or_insert_default();
+    memory.anchors = (0..count as u32).map(anchor).collect();
+    Simulator::from_checkpoint(scene, &state).unwrap()
 }
 
 impl OnSlope {
@@ -144,10 +183,17 @@ impl OnSlope {
 
     pub(crate) fn simulator(self) -> Simulator {
         let scene = self.scene();
-        let start = scene.mesh.positions().to_vec();
+        let count = scene.mesh.positions().len();
         let downhill = DQuat::from_rotation_z(-self.slope) * DVec3::X;
-        let velocities = vec![downhill * self.speed; start.len()];
-        Simulator::with_state(&scene, start, velocities).unwrap()
+        let velocities = vec![downhill * self.speed; count];
+        let normal = DQuat::from_rotation_z(-self.slope) * DVec3::Y;
+        borne(
+            &scene,
+            velocities,
+            count,
+            rest_gap(self.slope, self.substeps),
+            normal,
+        )
     }
 }
 

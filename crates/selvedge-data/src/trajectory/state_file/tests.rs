@@ -45,6 +45,7 @@ fn memory(anchors: u32) -> ContactMemory {
                 of: vertex(k),
                 normal: DVec3::new(0.6, 0.8, 0.0),
                 pull: DVec3::new(1e-9, -f64::from(k) / 7.0, 0.1),
+                pressed: f64::from(k) / 3.0,
             })
             .collect(),
         pushing: (0..2 * anchors)

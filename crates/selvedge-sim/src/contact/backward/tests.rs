@@ -8,6 +8,9 @@ type V = <Dual as Number>::Vector;
 /// Rates by the numbers of a shape.
 pub(crate) type ShapeRates = [f64; SHAPE];
 
+/// A feature, its direction, and rates of its pull and of up to which compression it bears.
+pub(crate) type AnchorRates = (Touching, DVec3, DVec3, f64);
+
 /// Dual places of a solve `[m]`, `[vertices]`.
 pub(crate) struct Moved<'a> {
     pub(crate) gamma: f64,
@@ -20,8 +23,8 @@ pub(crate) struct Moved<'a> {
     /// Estimates of the solves so far.
     pub(crate) estimates: &'a [Vec<V>],
     pub(crate) masses: &'a [Dual],
-    /// The pulls that the substep before has left.
-    pub(crate) anchors: &'a [(Touching, DVec3, DVec3)],
+    /// Rates of the pulls that the substep before has left, and of up to which compression they bear.
+    pub(crate) anchors: &'a [AnchorRates],
 }
 
 fn value(all: &[V]) -> Vec<DVec3> {
@@ -49,7 +52,7 @@ impl Collisions {
         moved: &Moved<'_>,
         before: &[ShapeRates],
         forces: &mut [DVec3],
-    ) -> (Vec<ShapeRates>, Vec<(Touching, DVec3, DVec3)>) {
+    ) -> (Vec<ShapeRates>, Vec<AnchorRates>) {
         let (start, expected, end) = (value(moved.start), value(moved.expected), value(moved.end));
         let places = Places {
             gamma: moved.gamma,
@@ -81,8 +84,9 @@ impl Collisions {
                 *force += DVec3::from_array(DVec3::AXES.map(along));
             }
             if let Some(of) = collision.anchored {
-                let pull = DVec3::AXES.map(|axis| rate(Value::Pull(axis)));
-                pulls.push((of, collision.normal, DVec3::from_array(pull)));
+                let pull = DVec3::AXES.map(|axis| rate(Value::Anchor(axis, 0.0)));
+                let pressed = rate(Value::Anchor(DVec3::ZERO, 1.0));
+                pulls.push((of, collision.normal, DVec3::from_array(pull), pressed));
             }
         }
         (shapes, pulls)
@@ -172,28 +176,25 @@ impl Collision {
             with_rates(&mut duals, SLID, sum(&slid));
         }
         if let Some(anchor) = tape.anchor {
-            let own = |(of, normal, _): &&(Touching, DVec3, DVec3)| {
-                *of == anchor.of && *normal == anchor.normal
-            };
-            let pull: DVec3 = moved
-                .anchors
-                .iter()
-                .filter(own)
-                .map(|(.., rates)| *rates)
-                .sum();
-            with_rates(&mut duals, ANCHOR, pull);
+            let own =
+                |(of, normal, ..): &&AnchorRates| *of == anchor.of && *normal == anchor.normal;
+            let own = || moved.anchors.iter().filter(own);
+            with_rates(&mut duals, ANCHOR, own().map(|(_, _, pull, _)| *pull).sum());
+            duals[PRESSED].rates[0] = own().map(|(.., pressed)| pressed).sum();
         }
         duals
     }
 }
 
 /// Numbers of a collision's force: its shape; Σ w x of the cloth's corners beyond their places, where they were
-/// expected and where they end; pull of the anchor; Σ w x where an earlier solve has shown that it slides.
+/// expected and where they end; pull of the anchor; Σ w x where an earlier solve has shown that it slides; up to which
+/// compression the anchor bears.
 const EXPECTED: usize = SHAPE;
 const END: usize = EXPECTED + 3;
 const ANCHOR: usize = END + 3;
 const SLID: usize = ANCHOR + 3;
-const FORCE: usize = SLID + 3;
+const PRESSED: usize = SLID + 3;
+const FORCE: usize = PRESSED + 1;
 /// Numbers from which a shape comes: corners at the start; ends of the way on which the pair meets, of obstacles
 /// those of the substep; vertices beside two edges; inverse masses of the corners.
 const STARTS: usize = 0;
@@ -222,6 +223,7 @@ impl Collision {
         numbers[HALF] = self.at.unwrap_or_default();
         let pull = tape.anchor.map_or(DVec3::ZERO, |anchor| anchor.pull);
         set(&mut numbers, ANCHOR, pull);
+        numbers[PRESSED] = self.pressure.pressed;
         numbers
     }
 
@@ -321,25 +323,29 @@ impl Collision {
         if let PairLaw::Out = self.law {
             return self.value_out(value, end, one);
         }
+        let pressure = self.pressure.with(numbers[PRESSED]);
         let inertia = numbers[MASS] * (1.0 / (time * time));
         let barrier = Barrier {
             thickness: self.thickness,
             base: numbers[MEAN_MASS] * (1.0 / (time * time)),
             share: numbers[SHARE],
             inertia: numbers[MASS] * (1.0 / (gamma * gamma)),
-            pressure: self.pressure,
+            pressure,
             recovery: RECOVERY / time,
         };
         let estimate = gap_at(expected);
         let tangent: Tangent<N> = match self.at {
             None => barrier.linearise(gap, estimate),
-            Some(at) => barrier.at(match tape.at {
-                At::Fixed => one.same(at),
-                At::Start => gap,
-                At::Half => numbers[HALF],
-            }),
+            Some(at) => {
+                let at = match tape.at {
+                    At::Fixed => one.same(at),
+                    At::Start => gap,
+                    At::Half => numbers[HALF],
+                };
+                barrier.at(at, gap)
+            }
         };
-        let firm = self.pressure.firm(gap, self.thickness);
+        let firm = pressure.firm(gap, self.thickness);
         let grip = match firm {
             Some(firm) => inertia.greater(firm.stiffness * SHEAR),
             None => inertia,
@@ -350,11 +356,16 @@ impl Collision {
         let slip = slip_at(end);
         let by = match value {
             Value::Work(multipliers) => multipliers,
-            Value::Pull(by) => {
-                let most = tangent.force_at(gap_at(end)).at_least(0.0) * self.friction;
+            Value::Anchor(by, by_pressed) => {
+                let (time, gap) = (places.part * time, gap_at(end));
+                let ways = [end.dot(end).sqrt(), normal.dot(end)];
+                let pressed = pressure.pressed_after(time, ways, gap, self.thickness);
+                let pressed = pressed * by_pressed;
+                let most = tangent.force_at(gap).at_least(0.0) * self.friction;
                 let pull = grip * slip.dot(slip).sqrt();
                 let kept = if pull.within(most) { one } else { most / pull };
-                return if zero.below(most) { lift(one, by).dot(slip) * grip * kept } else { zero };
+                let left = || lift(one, by).dot(slip) * grip * kept;
+                return if zero.below(most) { left() + pressed } else { pressed };
             }
         };
         let slides = |at: N::Vector, most: N| {
