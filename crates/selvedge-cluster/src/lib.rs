@@ -44,6 +44,6 @@ mod transport;
 
 #[cfg(feature = "mpi")]
 pub use mpi::{is_launched, open_mpi};
-pub use ranks::{Adding, Ranks, Traffic, share_of};
+pub use ranks::{Adding, Ranks, share_of};
 pub use shard::{Shard, ShardError};
 pub use transport::{ClusterError, threads};

@@ -36,21 +36,14 @@ pub fn open_mpi() -> Result<Ranks, ClusterError> {
         .ok_or(ClusterError::Mpi)?;
     let world = universe.world();
     let size = |number| usize::try_from(number).map_err(|_| ClusterError::Mpi);
-    Ok(Ranks::new(Arc::new(Mpi {
-        rank: size(world.rank())?,
-        count: size(world.size())?,
-        local_rank: size(world.split_shared(world.rank()).rank())?,
-        universe: Mutex::new(Some(universe)),
-    })))
+    let local_rank = world.split_shared(world.rank()).rank();
+    let numbers = [size(world.rank())?, size(world.size())?, size(local_rank)?];
+    let mpi = Mpi(Mutex::new(Some(universe)));
+    Ok(Ranks::new(numbers, Arc::new(mpi)))
 }
 
-struct Mpi {
-    rank: usize,
-    count: usize,
-    local_rank: usize,
-    /// The lock of all calls; nothing after the end.
-    universe: Mutex<Option<Universe>>,
-}
+/// The lock of all calls; nothing after the end.
+struct Mpi(Mutex<Option<Universe>>);
 
 impl Mpi {
     fn with<T>(
@@ -64,23 +57,11 @@ impl Mpi {
     }
 
     fn lock(&self) -> MutexGuard<'_, Option<Universe>> {
-        self.universe.lock().unwrap_or_else(PoisonError::into_inner)
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl Transport for Mpi {
-    fn rank(&self) -> usize {
-        self.rank
-    }
-
-    fn count(&self) -> usize {
-        self.count
-    }
-
-    fn local_rank(&self) -> usize {
-        self.local_rank
-    }
-
     fn send(&self, to: usize, bytes: &[u8]) -> Result<(), ClusterError> {
         self.with(to, |world| world.process_at_rank(to as i32).send(bytes))
     }

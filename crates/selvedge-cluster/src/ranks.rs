@@ -20,21 +20,14 @@ pub fn share_of(count: usize, rank: usize, ranks: usize) -> Range<usize> {
     count * rank / ranks..count * (rank + 1) / ranks
 }
 
-/// What this rank sent, and the time of its talk.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Traffic {
-    /// Bytes sent to other ranks.
-    pub bytes: u64,
-    /// Time spent in sums and gathers, waiting included.
-    pub time: Duration,
-}
-
 /// The ranks of a job, seen from one of them.
 #[derive(Clone)]
 pub struct Ranks {
+    /// This rank, their number, and that of this one among those of its machine.
+    numbers: [usize; 3],
     transport: Arc<dyn Transport>,
-    /// Bytes sent, nanoseconds of talk.
-    traffic: Arc<[AtomicU64; 2]>,
+    /// Of sums and gathers.
+    nanoseconds: Arc<AtomicU64>,
 }
 
 impl Ranks {
@@ -43,27 +36,28 @@ impl Ranks {
         threads(1).remove(0)
     }
 
-    /// The ranks that `transport` joins.
-    pub(crate) fn new(transport: Arc<dyn Transport>) -> Self {
+    /// The ranks that `transport` joins: this one, their number, and that of this one among those of its machine.
+    pub(crate) fn new(numbers: [usize; 3], transport: Arc<dyn Transport>) -> Self {
         Self {
+            numbers,
             transport,
-            traffic: Arc::default(),
+            nanoseconds: Arc::default(),
         }
     }
 
     /// This rank, from 0.
     pub fn rank(&self) -> usize {
-        self.transport.rank()
+        self.numbers[0]
     }
 
     /// The number of this rank, from 0, among those of its machine.
     pub fn local_rank(&self) -> usize {
-        self.transport.local_rank()
+        self.numbers[2]
     }
 
     /// The number of ranks.
     pub fn count(&self) -> usize {
-        self.transport.count()
+        self.numbers[1]
     }
 
     /// Returns true for rank 0, which writes files and talks to people.
@@ -76,13 +70,9 @@ impl Ranks {
         self.count() > 1
     }
 
-    /// What was sent so far, and the time of it.
-    pub fn traffic(&self) -> Traffic {
-        let [bytes, nanoseconds] = &*self.traffic;
-        Traffic {
-            bytes: bytes.load(Ordering::Relaxed),
-            time: Duration::from_nanos(nanoseconds.load(Ordering::Relaxed)),
-        }
+    /// Time spent in sums and gathers so far, waiting included.
+    pub fn time_of_talk(&self) -> Duration {
+        Duration::from_nanos(self.nanoseconds.load(Ordering::Relaxed))
     }
 
     /// Ends this rank's part in the job; with the exit code of a failure all other ranks end with it.
@@ -95,7 +85,7 @@ impl Ranks {
     pub fn gather(&self, bytes: Vec<u8>) -> Result<Vec<Vec<u8>>, ClusterError> {
         self.timed(|| {
             if !self.is_first() {
-                return self.send(0, &bytes).map(|()| Vec::new());
+                return self.transport.send(0, &bytes).map(|()| Vec::new());
             }
             let others = (1..self.count()).map(|from| self.transport.receive(from));
             std::iter::once(Ok(bytes)).chain(others).collect()
@@ -112,7 +102,8 @@ impl Ranks {
                     .collect();
             }
             for to in 1..self.count() {
-                all.iter().try_for_each(|bytes| self.send(to, bytes))?;
+                all.iter()
+                    .try_for_each(|bytes| self.transport.send(to, bytes))?;
             }
             Ok(all)
         })
@@ -140,7 +131,7 @@ impl Ranks {
             }
             add(chunk, sum)?;
             if rank < last {
-                self.timed(|| self.send(rank + 1, &to_bytes(sum)))?;
+                self.timed(|| self.transport.send(rank + 1, &to_bytes(sum)))?;
             }
         }
         // Nobody sends a total before it has all sums, so that no two ranks wait for each other.
@@ -151,15 +142,10 @@ impl Ranks {
             }
             let next = (rank + 1) % (last + 1);
             if next < last {
-                self.timed(|| self.send(next, &to_bytes(part)))?;
+                self.timed(|| self.transport.send(next, &to_bytes(part)))?;
             }
         }
         Ok(())
-    }
-
-    fn send(&self, to: usize, bytes: &[u8]) -> Result<(), ClusterError> {
-        self.traffic[0].fetch_add(bytes.len() as u64, Ordering::Relaxed);
-        self.transport.send(to, bytes)
     }
 
     fn receive_numbers(&self, from: usize, numbers: &mut [f32]) -> Result<(), ClusterError> {
@@ -184,7 +170,7 @@ impl Ranks {
         let started = Instant::now();
         let answer = work();
         let spent = u64::try_from(started.elapsed().as_nanos()).unwrap_or(u64::MAX);
-        self.traffic[1].fetch_add(spent, Ordering::Relaxed);
+        self.nanoseconds.fetch_add(spent, Ordering::Relaxed);
         answer
     }
 }

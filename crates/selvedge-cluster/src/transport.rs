@@ -10,15 +10,6 @@ use crate::ranks::Ranks;
 /// A carrier of bytes. What one rank sends to another arrives in the order in which it was sent.
 /// One thread of a rank talks at a time.
 pub(crate) trait Transport: Send + Sync {
-    /// This rank, from 0.
-    fn rank(&self) -> usize;
-
-    /// The number of ranks.
-    fn count(&self) -> usize;
-
-    /// The number of this rank, from 0, among those of its machine.
-    fn local_rank(&self) -> usize;
-
     /// Sends bytes to another rank; may wait until they are read.
     fn send(&self, to: usize, bytes: &[u8]) -> Result<(), ClusterError>;
 
@@ -50,12 +41,7 @@ pub enum ClusterError {
 
 /// Ranks for so many threads of this process. A rank that is dropped has ended.
 pub fn threads(count: usize) -> Vec<Ranks> {
-    let one = |rank| Threads {
-        rank,
-        to: Vec::new(),
-        from: Vec::new(),
-    };
-    let mut all: Vec<Threads> = (0..count).map(one).collect();
+    let mut all: Vec<Threads> = (0..count).map(|_| Threads::default()).collect();
     for from in 0..count {
         for to in 0..count {
             let (sender, receiver) = channel();
@@ -63,32 +49,19 @@ pub fn threads(count: usize) -> Vec<Ranks> {
             all[to].from.push(Mutex::new(receiver));
         }
     }
-    all.into_iter()
-        .map(|one| Ranks::new(Arc::new(one)))
+    let all = all.into_iter().enumerate();
+    all.map(|(rank, one)| Ranks::new([rank, count, rank], Arc::new(one)))
         .collect()
 }
 
-/// A rank that is a thread.
+/// A rank that is a thread: its ways to each rank and from it.
+#[derive(Default)]
 struct Threads {
-    rank: usize,
-    /// By rank.
     to: Vec<Sender<Vec<u8>>>,
     from: Vec<Mutex<Receiver<Vec<u8>>>>,
 }
 
 impl Transport for Threads {
-    fn rank(&self) -> usize {
-        self.rank
-    }
-
-    fn count(&self) -> usize {
-        self.to.len()
-    }
-
-    fn local_rank(&self) -> usize {
-        self.rank
-    }
-
     fn send(&self, to: usize, bytes: &[u8]) -> Result<(), ClusterError> {
         let sent = self.to[to].send(bytes.to_vec());
         sent.map_err(|_| ClusterError::Gone { rank: to })

@@ -42,17 +42,16 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
     };
     training::with_expert(&mut trainer, &data)?;
     let (started, first) = (Instant::now(), trainer.steps_done());
-    let before = ranks.traffic();
+    let before = ranks.time_of_talk();
     let (end, loss) = steps_until_end(&mut trainer, args)?;
     let seconds = started.elapsed().as_secs_f64().max(f64::MIN_POSITIVE);
-    let talk = ranks.traffic();
+    let talk = ranks.time_of_talk() - before;
     let done = trainer.steps_done();
     let shown = (done - first) * trainer.config().batch.samples as u64;
     // A sample of several frames counts once; the time is that with checkpoints.
     let pace = shown as f64 / seconds;
-    // What rank 0 sent, and the part of its time that it summed over ranks or waited for them.
-    let bytes_per_step = (talk.bytes - before.bytes) as f64 / (done - first).max(1) as f64;
-    let talk_share = (talk.time - before.time).as_secs_f64() / seconds;
+    // The part of its time that rank 0 summed over ranks or waited for them.
+    let talk_share = talk.as_secs_f64() / seconds;
     facts.add("training", &trainer.config().name);
     facts.tell("device", machine.name());
     facts.tell("parameters", trainer.parameter_count());
@@ -62,9 +61,7 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
     facts.add("time", time);
     if ranks.are_several() {
         let (count, share) = (ranks.count(), percent(talk_share));
-        let sent = bytes_per_step / 1e6;
-        let words = format!("{count}: {share} of the time for sums, {sent:.2} MB per step");
-        facts.add("ranks", words);
+        facts.add("ranks", format!("{count}: {share} of the time for sums"));
     }
     let mean = loss.map(|loss| format!("{loss:.5} (mean of the last steps)"));
     facts.add_all("loss", mean);
@@ -86,7 +83,6 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
         "seconds": seconds,
         "samples_per_second": pace,
         "ranks": ranks.count(),
-        "bytes_per_step": bytes_per_step,
         "talk_share": talk_share,
     });
     Ok(facts.answer_at(end, report))
