@@ -119,17 +119,17 @@ fn simulate_and_rollout_export_as_they_go() {
 fn endings_may_be_capitals() {
     let (dir, run) = pushed();
     for name in [
-        "A.GLB", "B.USDA", "C.USDZ", "D.NPZ", "E.ABC", "F.GIF", "G.PC2",
+        "A.GLB", "B.USDC", "C.USDZ", "D.NPZ", "E.ABC", "F.GIF", "G.PC2",
     ] {
         dir.json(&format!("export run.safetensors -o {name} --frames ..4"));
     }
     dir.json("export run.safetensors -o H.OBJ --frames 0");
-    for name in ["A.GLB", "B.USDA", "C.USDZ", "D.NPZ", "H.OBJ"] {
+    for name in ["A.GLB", "B.USDC", "C.USDZ", "D.NPZ", "H.OBJ"] {
         dir.json(&format!("info {name}"));
     }
     dir.json("export run.safetensors -o whole.NPZ");
     let motions = [
-        "{ rig = { file = \"B.USDA\" } }",
+        "{ rig = { file = \"B.USDC\" } }",
         "{ rig = { file = \"A.GLB\", nodes = [\"handle_0\", \"handle_1\"] } }",
         "{ recorded = \"whole.NPZ\" }",
     ];
