@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{Vec2, Vec3};
 use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
-use selvedge_data::export::{ExportFormat, ExportOptions, export};
+use selvedge_data::export::{ExportFormat, ExportOptions, FrameSpan, export};
 use selvedge_data::{Provenance, Trajectory};
 use tempfile::TempDir;
 
@@ -70,6 +70,19 @@ pub(crate) fn fan() -> Trajectory {
     let cloth = sheet(&rest, &flat, &faces, &[3, 2]);
     let provenance = provenance(60.0, "a \"test\" \\ 1");
     Trajectory::new(cloth, positions, provenance).unwrap()
+}
+
+/// Frames 1, 3 and 5, of [`fan`].
+pub(crate) fn odd() -> FrameSpan {
+    FrameSpan {
+        every: 2,
+        ..span("1..6")
+    }
+}
+
+/// A span of frames, by its text.
+pub(crate) fn span(text: &str) -> FrameSpan {
+    text.parse().unwrap()
 }
 
 /// Writes what `options` choose of a run.

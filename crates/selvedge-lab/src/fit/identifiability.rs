@@ -1,4 +1,4 @@
-//! What data tell of numbers: the eigenvalues of a Gauss-Newton matrix.
+//! What data determine of numbers: the eigenvalues of a Gauss-Newton matrix.
 
 use serde::Serialize;
 

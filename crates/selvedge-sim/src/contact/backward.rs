@@ -463,7 +463,7 @@ impl Collision {
                             Some(_) => (slip_at(slid), 2, bearing(at_slid)),
                             None => (slip_at(expected), 0, usual),
                         };
-                        // What an earlier end told counts as decided.
+                        // What an earlier end has shown counts as decided.
                         if at.distance(first) <= SAME * at.length() + ROUNDING {
                             (first, Some(of), most)
                         } else {

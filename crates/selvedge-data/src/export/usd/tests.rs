@@ -8,7 +8,7 @@ use super::stage_of;
 use crate::UpAxis;
 use crate::export::take::Take;
 use crate::export::{ExportFormat, ExportOptions, FrameSpan};
-use crate::test_help::{fan as trajectory, options, run, says, sewn_squares};
+use crate::test_help::{fan as trajectory, odd, options, run, says, sewn_squares, span};
 use crate::trajectory::Trajectory;
 
 const VERTICES: usize = 5;
@@ -24,18 +24,6 @@ fn text(of: &Trajectory, options: &ExportOptions) -> String {
 
 fn text_of(options: &ExportOptions) -> String {
     text(&trajectory(), options)
-}
-
-/// Frames 1, 3 and 5.
-fn odd() -> FrameSpan {
-    FrameSpan {
-        every: 2,
-        ..span("1..6")
-    }
-}
-
-fn span(text: &str) -> FrameSpan {
-    text.parse().unwrap()
 }
 
 /// The numbers in a text, in order.

@@ -12,7 +12,7 @@ use selvedge_data::export::{ExportFormat, ExportOptions, FrameSpan, export, plan
 use selvedge_data::{MeshOptions, Trajectory, UpAxis, read_mesh};
 use serde_json::Value;
 
-use crate::help::{fan as trajectory, options, says};
+use crate::help::{fan as trajectory, odd, options, says, span};
 use crate::sewn;
 
 const VERTICES: usize = 5;
@@ -27,18 +27,6 @@ fn write(trajectory: &Trajectory, path: &Path, options: &ExportOptions) {
     assert!(end.unwrap());
     let frames = options.frames.of(trajectory.frame_count()).unwrap();
     assert_eq!(beats, frames.len());
-}
-
-/// Frames 1, 3 and 5.
-fn odd() -> FrameSpan {
-    FrameSpan {
-        every: 2,
-        ..span("1..6")
-    }
-}
-
-fn span(text: &str) -> FrameSpan {
-    text.parse().unwrap()
 }
 
 #[test]
