@@ -9,6 +9,7 @@ Two boxes of 30 mm close on the upper edge of a towel of 30 cm to 0.3 mm a side,
 - pull: its upper edge stays held and the fingers are drawn down by 4 cm; their drag over 2 mu N, N what they press with,
   over the frames in which every vertex between them slides. Cloth that slides off stretches, and what comes between the
   fingers sticks until it is stretched as well: until then less than all of it slides.
+- weak: the towel hangs, and the fingers open slowly; 2 mu N over its weight when all between them slips, by 2 cm/s.
 
 A row that fails says why. No frame has an intersection: the solver fails sooner.
 """
@@ -26,6 +27,8 @@ SIDE, PAD, FRICTION, DEPTH = 0.3, 0.03, 0.6, 0.02
 SHAKEN, FREQUENCY = 2.0, 3.0
 # How far the fingers are drawn [m], in how many frames, and the part of their way that counts as sliding.
 PULL, PULL_FRAMES, ALL_SLIDE = 0.04, 48, 0.9
+# How far the fingers open in a frame [m], for how many frames, and the speed that counts as slipping [m/s].
+OPEN, OPEN_FRAMES, SLIPS = 2e-7, 3600, 0.02
 
 SCENE = """
 name = "grip"
@@ -112,18 +115,39 @@ def pulled(fabric, spacing, substeps):
     return np.mean(drags) / (2 * FRICTION * np.mean(pushes)), np.mean(pushes), len(drags)
 
 
+def weak(fabric, spacing, substeps):
+    """2 mu N over the weight of the towel when all between fingers that open slips, N averaged over six frames."""
+    grip = Grip(fabric, spacing, substeps)
+    closed = 0.0197
+    for _ in range(60):
+        grip.step(0.0, False)
+    weight, pushes = 9.81 * selvedge.Material(fabric).density * SIDE**2, []
+    for _ in range(OPEN_FRAMES):
+        before = grip.cloth.positions[:, 1].copy()
+        # Ten times as fast while it holds three times the weight.
+        strong = 2 * FRICTION * np.mean(pushes[-6:] or [np.inf]) > 3 * weight
+        closed -= OPEN * (10 if strong else 1)
+        grip.step(0.0, False, closed)
+        pushes.append(np.abs(grip.cloth.impulses[:, 0, 0]).mean() * 60)
+        places = grip.cloth.positions
+        between = np.abs(places - [0.0, -DEPTH, 0.0])[:, 1:].max(axis=1) < 0.5 * PAD
+        if (before - places[:, 1])[between].min(initial=np.inf) * 60 > SLIPS:
+            return 2 * FRICTION * np.mean(pushes[-6:]) / weight
+    raise ValueError("never slips")
+
+
 def main():
     fabrics = ["gray-interlock", "navy-sparkle-sweat", "camel-ponte-roma", "11oz-black-denim"]
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--substeps", type=int, nargs="+", default=[1, 2, 4])
     parser.add_argument("--spacing", type=float, nargs="+", default=[0.020, 0.015, 0.010, 0.007])
     parser.add_argument("--fabrics", nargs="+", default=fabrics)
-    parser.add_argument("--seconds", type=float, default=10.0, help="0: only pulled")
+    parser.add_argument("--seconds", type=float, default=10.0, help="0: only pulled and weak")
     parser.add_argument("--output", default=None)
     chosen = parser.parse_args()
     output = open(chosen.output, "w", newline="") if chosen.output else sys.stdout
     rows = csv.writer(output)
-    rows.writerow("fabric,mesh mm,substeps,vertices between,slip at rest mm,slip shaken mm,pull over 2 mu N,frames,N,took s".split(","))
+    rows.writerow("fabric,mesh mm,substeps,vertices between,slip at rest mm,slip shaken mm,pull over 2 mu N,frames,N,weak over weight,took s".split(","))
     for spacing, fabric, substeps in itertools.product(chosen.spacing, chosen.fabrics, chosen.substeps):
         began, row = time.perf_counter(), [fabric, f"{spacing * 1e3:g}", substeps]
         try:
@@ -133,7 +157,7 @@ def main():
             else:
                 row += ["", "", ""]
             ratio, push, frames = pulled(fabric, spacing, substeps)
-            row += [f"{ratio:.3f}", frames, f"{push:.3f}"]
+            row += [f"{ratio:.3f}", frames, f"{push:.3f}", f"{weak(fabric, spacing, substeps):.3f}"]
         except (ValueError, RuntimeError, selvedge.FrameError) as error:
             row += [str(error)]
         rows.writerow([*row, f"{time.perf_counter() - began:.0f}"])

@@ -182,10 +182,12 @@ impl Contact {
             }
         }
         drift += self.turned(pair, body, gap.normal);
-        let own = feature(pair, body, self.is_of_core(pair));
+        let is_of_core = self.is_of_core(pair);
+        let own = feature(pair, body, is_of_core);
         let anchor = self.anchor(own, gap.normal);
         let mean_mass = weighted / squares;
-        let pressure = self.squeeze.push(pair, body, mean_mass, gap.normal);
+        let squeeze = &self.squeeze;
+        let pressure = squeeze.push(pair, body, is_of_core, mean_mass, gap.normal);
         Collision {
             pair: key(pair),
             corners: pair.corners,
@@ -201,7 +203,7 @@ impl Contact {
             drift,
             friction: self.bodies.friction[body],
             is_within: false,
-            is_of_core: self.is_of_core(pair),
+            is_of_core,
             anchored: Some(own),
             pull: anchor.map_or(DVec3::ZERO, |a| along_surface(gap.normal, a.pull)),
             sticking: Sticking::Unknown,

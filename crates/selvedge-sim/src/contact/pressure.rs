@@ -283,7 +283,14 @@ impl Squeeze {
 
     /// The push of a pair of this mean mass `[kg]` and direction under pressure, before any of it has come to bear
     /// slowly: each vertex bears for its own area. Of two layers each bears on the other, by half.
-    pub(super) fn push(&self, pair: &Pair, body: usize, mean_mass: f64, normal: DVec3) -> Pressure {
+    pub(super) fn push(
+        &self,
+        pair: &Pair,
+        body: usize,
+        is_of_core: bool,
+        mean_mass: f64,
+        normal: DVec3,
+    ) -> Pressure {
         let is_squeezed = |corner: &u32| self.squeezed.get(*corner as usize) == Some(&true);
         let own = pair.corners[0] as usize;
         if body == 0 {
@@ -298,6 +305,10 @@ impl Squeeze {
         if !pair.corners.iter().any(is_squeezed) {
             return match pair.kind {
                 Kind::VertexFace if own < self.pressures.len() => self.own(own).slow(),
+                // There are two faces to a vertex.
+                Kind::VertexFace if is_of_core => {
+                    self.own(pair.corners[1] as usize).slow().halved()
+                }
                 _ => Pressure::NONE,
             };
         }
