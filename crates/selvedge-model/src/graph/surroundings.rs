@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{ContactSettings, Obstacle, Topology};
-use selvedge_contact::{Candidates, CollisionMesh, Kind, Reach, Ways, gap};
+use selvedge_contact::{Candidates, CollisionMesh, Kind, Pair, Reach, Ways, gap, push};
 
 /// Gap to a body from which on a vertex sees nothing of it `[m]`: cloth that moves at 3 m/s is there
 /// after two frames.
@@ -13,6 +13,9 @@ const REACH: f64 = 0.1;
 
 /// The same for other layers, below the edges of the finest cloths `[m]`.
 const OWN_REACH: f64 = 0.02;
+
+/// Most rounds of pushes that keep a frame apart.
+const ROUNDS: usize = 20;
 
 /// Bodies around a cloth, in the present step, and whether it meets itself.
 #[derive(Clone, Debug)]
@@ -81,6 +84,76 @@ impl Surroundings {
         }
     }
 
+    /// Thickness of contact of a pair `[m]`.
+    fn thickness(&self, pair: &Pair) -> f64 {
+        let Fixed {
+            mesh,
+            obstacles,
+            settings,
+        } = &*self.fixed;
+        let bodies = [pair.corners[0], pair.corners[3]].map(|corner| mesh.body_of(corner));
+        let own = bodies[0].max(bodies[1]).checked_sub(1);
+        let own = own.and_then(|body| obstacles[body].thickness());
+        own.unwrap_or(settings.thickness)
+    }
+
+    /// The pairs that come nearer than `gap` `[m]` on these ways of all points.
+    fn pairs(&self, [from, to]: [&[DVec3]; 2], gap: f64, touches_itself: bool) -> Candidates {
+        let mut candidates = Candidates::new(&self.fixed.mesh, from, touches_itself);
+        let later = to;
+        let reach = Reach {
+            gap,
+            slack: 0.0,
+            own_slack: 0.0,
+        };
+        candidates.find(&self.fixed.mesh, Ways { from, to, later }, reach);
+        candidates
+    }
+
+    /// Moves the frame `next` that comes after `current` `[m]`, `[vertices]`, by the least along the
+    /// gaps, until what touches is at the thickness of contact or the rounds are over. What is `held` stays.
+    pub(crate) fn keep_apart(&self, current: &[Vec3], next: &mut [Vec3], held: &[bool]) {
+        let [from, mut to] = [(current, 0), (&*next, 1)].map(|(cloth, at)| {
+            let cloth = cloth.iter().map(|p| p.as_dvec3());
+            cloth
+                .chain(self.places[at].iter().copied())
+                .collect::<Vec<_>>()
+        });
+        if !to.iter().all(|p| p.is_finite()) {
+            return;
+        }
+        let (mesh, settings) = (&self.fixed.mesh, &self.fixed.settings);
+        let most = self.fixed.obstacles.iter().filter_map(Obstacle::thickness);
+        let most = most.fold(settings.thickness, f64::max);
+        let candidates = self.pairs([&from, &to], 2.0 * most, settings.self_contact);
+        let free = |p: u32| f64::from(u8::from(held.get(p as usize) == Some(&false)));
+        for _ in 0..ROUNDS {
+            let mut has_moved = false;
+            for pair in candidates.pairs() {
+                let mut found = gap(pair.kind, pair.places(&to));
+                let radius = mesh.radius_of(pair);
+                let before = gap(pair.kind, pair.places(&from)).normal;
+                // A round body is told by its core from the other side; a face only by where it was before.
+                if radius == 0.0 && found.normal.dot(before) <= 0.0 {
+                    found.normal = if found.normal == DVec3::ZERO { before } else { -found.normal };
+                }
+                let apart = self.thickness(pair) + radius;
+                if let Some(push) = push(&found, pair.places(&to), pair.corners.map(free), apart) {
+                    for (corner, by) in pair.corners.into_iter().zip(push.moves) {
+                        to[corner as usize] += by;
+                        has_moved |= by.length_squared() > 1e-12;
+                    }
+                }
+            }
+            if !has_moved {
+                break;
+            }
+        }
+        for (next, to) in next.iter_mut().zip(&to) {
+            *next = to.as_vec3();
+        }
+    }
+
     /// What each vertex sees, given the last two frames `[m]`, `[vertices]` `[eq:nearness]`.
     pub(crate) fn near(&self, previous: &[Vec3], current: &[Vec3]) -> Vec<Near> {
         let Fixed {
@@ -94,23 +167,12 @@ impl Surroundings {
         let ahead = current.iter().zip(previous);
         let ahead = ahead.map(|(p, q)| 2.0 * p.as_dvec3() - q.as_dvec3());
         let to: Vec<DVec3> = ahead.chain(self.places[1].iter().copied()).collect();
-        let ways = Ways {
-            from: &from,
-            to: &to,
-            later: &to,
-        };
         let mut least = vec![f64::INFINITY; current.len()];
         for (reach, own) in [(REACH, false), (OWN_REACH, true)] {
             if if own { !settings.self_contact } else { obstacles.is_empty() } {
                 continue;
             }
-            let mut candidates = Candidates::new(mesh, &from, own);
-            let within = Reach {
-                gap: reach,
-                slack: 0.0,
-                own_slack: 0.0,
-            };
-            candidates.find(mesh, ways, within);
+            let candidates = self.pairs([&from, &to], reach, own);
             let of_vertices = candidates.pairs().iter().filter(|pair| {
                 pair.kind == Kind::VertexFace
                     && (pair.corners[0] as usize) < current.len()
@@ -133,13 +195,10 @@ impl Surroundings {
                     continue;
                 }
                 least[vertex] = next;
-                let body = mesh.body_of(pair.corners[1]).checked_sub(1);
-                let thickness = body.and_then(|body| obstacles[body].thickness());
-                let thickness = thickness.unwrap_or(settings.thickness);
                 let part = (1.0 - distance / reach).min(1.0);
                 near[vertex] = Near {
                     nearness: (part * normal).as_vec3(),
-                    push: ((thickness - next).max(0.0) * normal).as_vec3(),
+                    push: ((self.thickness(pair) - next).max(0.0) * normal).as_vec3(),
                     velocity: (-part * approach).as_vec3(),
                 };
             }
@@ -220,6 +279,58 @@ mod tests {
             for near in &near[3..] {
                 assert!(near.nearness.distance(expected) < 1e-5, "{near:?}");
                 assert_eq!((near.push, near.velocity), (Vec3::ZERO, Vec3::ZERO));
+            }
+        }
+    }
+
+    #[test]
+    fn a_frame_is_kept_apart_from_bodies_and_layers_and_handles_stay() {
+        let ball = Obstacle::of("ball", bodies::sphere(0.1, 0.02)).unwrap();
+        let slab = Obstacle::of("slab", bodies::cuboid(DVec3::new(4.0, 0.2, 4.0))).unwrap();
+        let settings = ContactSettings::default();
+        let (topology, start) = layers(0.01);
+        for (body, height) in [(&ball, 0.102), (&slab, 0.102)] {
+            // Below the middle of the first face, whose corners are all beside the ball.
+            let at = |p: &Vec3| *p + Vec3::new(-0.3, height, -0.3);
+            let current: Vec<Vec3> = start.iter().map(at).collect();
+            let seen = Surroundings::new(&topology, settings, &[body.clone()], RATE);
+            for held in [
+                vec![false; 6],
+                vec![true, false, false, false, false, false],
+            ] {
+                // The lower layer falls by 8 mm, the upper one by 20 mm.
+                let fall = |v: usize| {
+                    if held[v] {
+                        0.0
+                    } else if v < 3 {
+                        0.008
+                    } else {
+                        0.02
+                    }
+                };
+                let fallen = current.iter().enumerate();
+                let fallen = fallen.map(|(v, p)| *p - fall(v) * Vec3::Y);
+                let mut next: Vec<Vec3> = fallen.collect();
+                let before = next.clone();
+                seen.keep_apart(&current, &mut next, &held);
+                for v in (0..6).filter(|v| held[*v]) {
+                    assert_eq!(next[v], before[v]);
+                }
+                let mut all: Vec<DVec3> = next.iter().map(|p| p.as_dvec3()).collect();
+                all.extend(&seen.places[1]);
+                let pairs = seen.pairs([&all, &all], 0.01, true);
+                let mesh = &seen.fixed.mesh;
+                let gaps = pairs
+                    .pairs()
+                    .iter()
+                    .map(|pair| gap(pair.kind, pair.places(&all)).distance - mesh.radius_of(pair));
+                let least = gaps.fold(f64::INFINITY, f64::min);
+                assert!(
+                    least > 0.95 * settings.thickness,
+                    "{}: {least}",
+                    body.name()
+                );
+                assert!(next.iter().skip(3).all(|p| p.y > next[1].y), "{next:?}");
             }
         }
     }
