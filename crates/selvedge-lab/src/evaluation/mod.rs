@@ -25,6 +25,8 @@ mod summary;
 mod tests;
 mod truth;
 
+use std::collections::BTreeSet;
+
 use anyhow::{Context, Result};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -287,12 +289,8 @@ fn timings(
     reporter: &Reporter<'_>,
 ) -> Result<Option<Vec<Timing>>> {
     let mut found: Vec<Timing> = Vec::new();
-    let mut meshes: Vec<&str> = Vec::new();
-    let first = prepared.iter().filter(|job| {
-        let is_new = !meshes.contains(&job.mesh.as_str());
-        meshes.push(&job.mesh);
-        is_new
-    });
+    let mut meshes = BTreeSet::new();
+    let first = prepared.iter().filter(|job| meshes.insert(&job.mesh));
     let first: Vec<&Prepared<'_>> = first.collect();
     let one = workers::pool(Some(1))?;
     let task = reporter.count("timing frames", first.len() * plan.methods.len(), "runs");
