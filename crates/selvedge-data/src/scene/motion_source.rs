@@ -160,14 +160,10 @@ pub(crate) struct GroupMove {
     /// The group's name.
     pub(crate) group: String,
     /// The axis of its rotations, through its centre; upwards if there is none.
-    #[serde(default = "default_axis")]
+    #[serde(default = "crate::formats::up_axis::up")]
     pub(crate) axis: DVec3,
     /// Places of the group over time.
     pub(crate) keyframes: Vec<Keyframe>,
-}
-
-fn default_axis() -> DVec3 {
-    DVec3::Y
 }
 
 impl GroupMotion {
