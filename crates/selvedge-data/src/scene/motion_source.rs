@@ -207,10 +207,8 @@ impl MotionSource {
         match self {
             Self::Named(name) => named::by_name(name).ok_or_else(|| {
                 let known = named::names().join(", ");
-                field(
-                    "motion.named",
-                    format!("no motion is called {name:?}; known are {known}"),
-                )
+                let problem = format!("no motion is called {name:?}; known are {known}");
+                field("motion.named", problem)
             }),
             Self::Inline(motion) => Ok(motion.clone()),
             Self::Groups(motion) => motion.resolve(stand.groups),

@@ -328,10 +328,8 @@ fn timings(
 /// The reference's own position error after each number of frames `[m]`, from a run with half its
 /// substeps; nothing where there is none.
 pub fn own_errors(runs: &[Run], order: u32) -> Vec<(usize, f64)> {
-    let half: Vec<&Run> = runs
-        .iter()
-        .filter(|run| run.kind == Kind::Reference)
-        .collect();
+    let half = runs.iter().filter(|run| run.kind == Kind::Reference);
+    let half: Vec<&Run> = half.collect();
     let summaries = summaries(&half);
     let after = summaries.iter().flat_map(|summary| &summary.after);
     let error = |at: &FrameErrors| {
