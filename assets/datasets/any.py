@@ -1,12 +1,12 @@
 """Writes the preset of the data set for `any`: cloths of 100 to 1600 vertices per square metre, of
 mixtures of four fabrics, in wind of up to 10 m/s with gusts, on 1 to 17 handles that move
-together or apart, are let go and take hold again.
+together or apart, are let go and take hold again; and cloths that meet bodies and themselves.
 
     python3 assets/datasets/any.py out/any
     selvedge data generate out/any/any.toml -o data/any
     python3 assets/datasets/broad.py out/any --jumps data/any
 
-`--cloths 40` makes so many cloths instead of 240. Everything is drawn at random, the same each time. No
+`--cloths 40` makes so many cloths instead of 240, `--bodies 10` so many with bodies instead of 80. Everything is drawn at random, the same each time. No
 motion is a test or a generalisation motion, no mesh one that has a name but the square of the tests.
 """
 
@@ -93,7 +93,7 @@ def held(draw, sides, size):
     return numbers, [(0, 0, width * (number / across - 0.5)) for number in numbers]
 
 
-def released(draw, numbers):
+def released(draw, numbers, again=0.4):
     """Each handle a group of its own or not; one or two of them let go, and may take hold again."""
     if len(numbers) < 2 or draw.random() < 0.75:
         return f"{{ vertices = {numbers} }}"
@@ -103,15 +103,50 @@ def released(draw, numbers):
         spans = ""
         if handle in free:
             start = draw.randint(60, 200) / 60
-            end = f", to = {start + draw.randint(20, 90) / 60:.10f}" if draw.random() < 0.4 else ""
+            end = f", to = {start + draw.randint(20, 90) / 60:.10f}" if draw.random() < again else ""
             spans = f", released = [{{ from = {start:.10f}{end} }}]"
         groups.append(f'{{ name = "h{handle}", select = {{ vertices = [{number}] }}{spans} }}')
     return f"{{ groups = [{', '.join(groups)}] }}"
 
 
-def own_ways(draw, places):
+def bodies(draw, size):
+    """One or two bodies beside a cloth that hangs in the plane x = 0 from y = 0, or a floor below it: none reaches
+    up to where the handles go. Also the lowest that these go [m]."""
+    width, height = size
+    parts, lowest = [], -0.1
+    if draw.random() < 0.3:
+        parts.append(f'{{ name = "floor", plane = {{ height = {-1.25 * height - 0.05:.3f} }} }}')
+        lowest = -0.7 * height
+    for number in range(draw.choice([0, 1]) if parts else draw.choice([1, 1, 2])):
+        side = 1 if (number == 0) == (draw.random() < 0.8) else -1
+        radius = draw.uniform(0.06, 0.22)
+        top = min(draw.uniform(0.2, 0.7) * height, height - 0.05)
+        away = side * (radius + draw.uniform(0.15, 0.45) + 0.3 * number)
+        place = [away, -max(top, 0.18) - radius + min(lowest + 0.1, 0), draw.uniform(-0.35, 0.35) * width]
+        kind = draw.choice(["sphere", "sphere", "capsule", "box"])
+        shape = {
+            "sphere": f"sphere = {{ radius = {radius:.3f} }}",
+            "capsule": f"capsule = {{ radius = {0.6 * radius:.3f}, length = {draw.uniform(0.2, 0.9):.3f} }}",
+            "box": f"box = {{ size = [{', '.join(f'{radius * draw.uniform(0.8, 1.4):.3f}' for _ in range(3))}] }}",
+        }[kind]
+        turn = f'rotation = {{ axis = [1, 0, 0], angle_deg = 90 }}, ' if kind == "capsule" else ""
+        motion = ""
+        if number == 0 and draw.random() < 0.5:
+            begin, ways = draw.uniform(0.3, 1.0), [0.0, 0.0, 0.0]
+            keys = [f"{{ time = {begin:.3f} }}"]
+            for _ in range(3):
+                begin += draw.uniform(0.5, 1.6)
+                ways = [draw.uniform(-1.2, 0.2) * side, draw.uniform(-0.1, 0.05), draw.uniform(-0.3, 0.3)]
+                keys.append(f"{{ time = {begin:.3f}, translation = [{', '.join(f'{w:.3f}' for w in ways)}] }}")
+            motion = f", motion = {{ keyframes = [{', '.join(keys)}] }}"
+        at = ", ".join(f"{p:.3f}" for p in place)
+        parts.append(f'{{ name = "body-{number}", {shape}, transform = {{ {turn}translation = [{at}] }}{motion} }}')
+    return f"[{', '.join(parts)}]", lowest
+
+
+def own_ways(draw, places, lowest=None):
     """Places of all handles in each frame as CSV: they move together, and beside that inwards, up to four each
-    on its own, which brings none farther from another than it was."""
+    on its own, which brings none farther from another than it was; no lower than `lowest`."""
     frames, keys = 300, [30]
     while keys[-1] < frames - 60:
         keys.append(keys[-1] + draw.randint(25, 70))
@@ -120,6 +155,8 @@ def own_ways(draw, places):
     for _ in keys[1:]:
         (x, y, z), yaw, _ = states[-1]
         moved = (x + draw.uniform(-0.5, 0.5), y + draw.uniform(-0.4, 0.4), z + draw.uniform(-0.5, 0.5))
+        if lowest is not None:
+            moved = (moved[0], max(lowest, min(moved[1], 0.3)), moved[2])
         own = [draw.uniform(0.5, 1.0) for _ in places]
         states.append((moved, yaw + draw.uniform(-0.7, 0.7), own if len(places) <= 4 else own[:1] * len(places)))
     rows = ["frame,handle,x,y,z"]
@@ -140,7 +177,7 @@ def own_ways(draw, places):
     return "\n".join(rows) + "\n"
 
 
-def main(folder, cloths):
+def main(folder, cloths, with_bodies):
     folder.mkdir(parents=True, exist_ok=True)
     known = {name: tomllib.loads((MATERIALS / f"{name}.toml").read_text()) for name in FABRICS}
     draw = random.Random(20261128)
@@ -171,6 +208,24 @@ def main(folder, cloths):
         named = ", ".join(f'"{way}"' for way in ways)
         parts += f'\n[[cloths]]\nname = "k{number}"\nmesh = {mesh}\nhandles = {handles}\nmaterial = {material}\n'
         parts += f"train = [{named}]\n" + (f"environment = {air}\n" if air else "")
+    for number in range(with_bodies):
+        draw = random.Random(5000 + number)
+        mesh, sides, size = rectangle(draw, cloths + number)
+        # No corner is held below, where bodies are, and never one alone: cloth that hangs from a point lies in itself.
+        numbers, places = held(draw, sides, size)
+        while len(numbers) == 1 or places[-1][1] < 0:
+            numbers, places = held(draw, sides, size)
+        # What lies on a floor is not caught up from there at once.
+        material, air, handles = fabric(draw, known), weather(draw), released(draw, numbers, again=0)
+        obstacles, lowest = bodies(draw, size)
+        named = []
+        for way in range(2):
+            name = f"b{number}-{way}"
+            (folder / f"{name}.csv").write_text(own_ways(draw, places, lowest))
+            motions += f'\n[motions.{name}]\nrecorded = "{name}.csv"\n'
+            named.append(f'"{name}"')
+        parts += f'\n[[cloths]]\nname = "o{number}"\nmesh = {mesh}\nhandles = {handles}\nmaterial = {material}\n'
+        parts += f"obstacles = {obstacles}\ntrain = [{', '.join(named)}]\n" + (f"environment = {air}\n" if air else "")
     (folder / "any.toml").write_text(text + motions + parts)
 
 
@@ -178,5 +233,6 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=pathlib.Path, help="of the preset")
     parser.add_argument("--cloths", type=int, default=240, help="how many [240]")
+    parser.add_argument("--bodies", type=int, default=80, help="how many more, with bodies [80]")
     asked = parser.parse_args()
-    main(asked.folder, asked.cloths)
+    main(asked.folder, asked.cloths, asked.bodies)

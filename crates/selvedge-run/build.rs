@@ -14,10 +14,8 @@ fn main() {
         "run/../../Cargo.lock",
     ];
     let sources = sources.map(|source| Path::new("..").join(format!("selvedge-{source}")));
-    let mut open: Vec<PathBuf> = sources
-        .into_iter()
-        .filter(|source| source.exists())
-        .collect();
+    let open = sources.into_iter().filter(|source| source.exists());
+    let mut open: Vec<PathBuf> = open.collect();
     open.iter()
         .for_each(|source| println!("cargo::rerun-if-changed={}", source.display()));
     println!("cargo::rerun-if-changed=build.rs");

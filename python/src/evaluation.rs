@@ -19,7 +19,6 @@ use serde_json::Value;
 use crate::arrays::natural;
 use crate::dataset::Data;
 use crate::errors::{raised, word, wrong};
-use crate::guarding;
 use crate::json as python;
 use crate::long::beside_reporting;
 use crate::model::Model;
@@ -154,7 +153,7 @@ type Entrants = (Vec<ModelFile>, Vec<Method>);
 /// The models by their names, each once for every guard.
 fn entrants(models: &Bound<'_, PyDict>, guards: &[String]) -> PyResult<Entrants> {
     let (mut files, mut methods) = (Vec::new(), Vec::new());
-    let guards = guards.iter().map(|name| guarding::settings(name));
+    let guards = guards.iter().map(|name| name.parse().map_err(wrong));
     let guards = guards.collect::<PyResult<Vec<Correction>>>()?;
     for (name, model) in models.iter() {
         let name: String = name.extract()?;

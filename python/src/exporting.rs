@@ -46,10 +46,8 @@ pub(crate) fn export_to(
     options: &ExportOptions,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<()> {
-    let frames = options
-        .frames
-        .of(trajectory.frame_count())
-        .map_err(raised)?;
+    let frames = options.frames.of(trajectory.frame_count());
+    let frames = frames.map_err(raised)?;
     let written = beside_reporting(py, progress, |_, reporter| {
         reporter.begin("writing", Some(frames.len() as u64));
         export(trajectory, path, options, &mut || reporter.advance())

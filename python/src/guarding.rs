@@ -5,14 +5,7 @@ use std::collections::BTreeMap;
 use numpy::IntoPyArray;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use selvedge_guard::{Correction, Replacement, Trust};
-
-use crate::errors::wrong;
-
-/// The guard of this name, as the command line has it.
-pub(crate) fn settings(name: &str) -> PyResult<Correction> {
-    name.parse().map_err(wrong)
-}
+use selvedge_guard::{Replacement, Trust};
 
 /// The words of a word.
 fn words(trust: &Trust) -> [(&'static str, &'static str); 3] {

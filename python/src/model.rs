@@ -188,10 +188,8 @@ pub(crate) fn layout(spec: &Bound<'_, PyAny>) -> PyResult<Vec<(String, Vec<usize
 pub(crate) fn columns(spec: &Bound<'_, PyAny>) -> PyResult<(Vec<String>, Vec<String>)> {
     let spec: ModelSpec = json::from_python(spec)?;
     let named = |columns: Vec<selvedge_model::Column>| {
-        columns
-            .iter()
-            .map(|column| column.name.to_owned())
-            .collect()
+        let names = columns.iter().map(|column| column.name.to_owned());
+        names.collect()
     };
     let (nodes, edges) = (
         selvedge_model::node_columns(&spec),

@@ -54,9 +54,8 @@ fn _scene(
     mesh: Option<(Py<Mesh>, Vec<u32>)>,
 ) -> PyResult<Scene> {
     let spec: SceneSpec = serde_json::from_str(spec).map_err(raised)?;
-    let mut loaded = py
-        .detach(|| LoadedScene::of_spec(spec, &folder))
-        .map_err(raised)?;
+    let loaded = py.detach(|| LoadedScene::of_spec(spec, &folder));
+    let mut loaded = loaded.map_err(raised)?;
     // They were said when the scene was made.
     loaded.warnings.clear();
     let scene = Scene::of(py, loaded, None, folder)?;

@@ -12,7 +12,7 @@ use selvedge_lab::physics::{self, Simulated};
 use selvedge_lab::watched::{self, GuardSummary};
 
 use crate::arrays::{Numbers, natural};
-use crate::errors::raised;
+use crate::errors::{raised, wrong};
 use crate::guarding;
 use crate::json;
 use crate::long::{Progress, Stop, beside_reporting};
@@ -159,7 +159,7 @@ pub(crate) fn rollout(
     truth: bool,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Rollout> {
-    let guard = guarding::settings(guard)?;
+    let guard = guard.parse().map_err(wrong)?;
     let made = beside_reporting(py, progress, |stop, reporter| {
         roll(scene, model, frames, guard, truth, stop, reporter)
     })??;

@@ -246,10 +246,8 @@ impl Material {
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let values = json::to_python(py, &self.material)?;
         // Files leave out the usual one.
-        values.set_item(
-            "compression",
-            json::to_python(py, &self.material.compression)?,
-        )?;
+        let compression = json::to_python(py, &self.material.compression)?;
+        values.set_item("compression", compression)?;
         Ok(values)
     }
 
@@ -329,13 +327,8 @@ impl Scene {
     #[pyo3(signature = (name_or_file=PathBuf::from("default")))]
     fn new(py: Python<'_>, name_or_file: PathBuf) -> PyResult<Self> {
         let loaded = py.detach(|| open_scene(&name_or_file.to_string_lossy()));
-        let folder = name_or_file.parent().unwrap_or(Path::new(""));
-        Self::of(
-            py,
-            loaded.map_err(raised)?,
-            None,
-            pickling::absolute(folder),
-        )
+        let folder = pickling::absolute(name_or_file.parent().unwrap_or(Path::new("")));
+        Self::of(py, loaded.map_err(raised)?, None, folder)
     }
 
     /// Reads a scene from the TOML text of its file; paths in it are relative to `folder`.
@@ -343,12 +336,8 @@ impl Scene {
     #[pyo3(signature = (text, folder=PathBuf::new()))]
     fn parse(py: Python<'_>, text: &str, folder: PathBuf) -> PyResult<Self> {
         let loaded = py.detach(|| parse_scene(text, &folder, "the text"));
-        Self::of(
-            py,
-            loaded.map_err(raised)?,
-            None,
-            pickling::absolute(&folder),
-        )
+        let folder = pickling::absolute(&folder);
+        Self::of(py, loaded.map_err(raised)?, None, folder)
     }
 
     /// Names of the shipped scenes.

@@ -168,10 +168,8 @@ impl Simulator {
 pub(crate) fn _simulator(scene: &Bound<'_, Scene>, state: &str) -> PyResult<Py<Simulator>> {
     let state = serde_json::from_str(state).map_err(raised)?;
     let made = (scene,).into_pyobject(scene.py())?;
-    Py::new(
-        scene.py(),
-        Simulator::begun(scene, Some(state), made, None)?,
-    )
+    let begun = Simulator::begun(scene, Some(state), made, None)?;
+    Py::new(scene.py(), begun)
 }
 
 /// A gradient as a dictionary of arrays.
@@ -182,19 +180,16 @@ fn gradient_dict<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let made = PyDict::new(py);
     made.set_item("positions", arrays::of_f64(py, &gradient.start.positions)?)?;
-    made.set_item(
-        "velocities",
-        arrays::of_f64(py, &gradient.start.velocities)?,
-    )?;
+    let velocities = arrays::of_f64(py, &gradient.start.velocities)?;
+    made.set_item("velocities", velocities)?;
     let frames = gradient.targets.len();
     let targets = gradient.targets.concat();
     let samples = targets.len() / (frames * handles).max(1);
     let targets = arrays::flat_f64(&targets).to_vec().into_pyarray(py);
     made.set_item("targets", targets.reshape([frames, samples, handles, 3])?)?;
     let obstacles = gradient.obstacles.iter().flatten();
-    let motions: Vec<DVec3> = obstacles
-        .flat_map(|by| [by.translation, by.rotation])
-        .collect();
+    let motions = obstacles.flat_map(|by| [by.translation, by.rotation]);
+    let motions: Vec<DVec3> = motions.collect();
     let bodies = motions.len() / (2 * gradient.obstacles.len()).max(1);
     let motions = arrays::flat_f64(&motions).to_vec().into_pyarray(py);
     made.set_item("obstacles", motions.reshape([frames + 1, bodies, 2, 3])?)?;

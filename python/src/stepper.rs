@@ -463,7 +463,7 @@ impl LearnedStepper {
     ) -> PyResult<PyClassInitializer<Self>> {
         let made = (scene, model, guard).into_pyobject(py)?;
         let (scene, model) = (scene.get(), model.get().named());
-        let guard = guarding::settings(guard)?;
+        let guard = guard.parse().map_err(wrong)?;
         let network = Network {
             model: &model,
             machine: &Machine::Cpu,

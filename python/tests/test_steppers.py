@@ -213,7 +213,7 @@ def test_steppers_say_what_is_to_be_known(small, model):
     garment = pathlib.Path(__file__).parents[2] / "crates/selvedge/tests/fronts/garment.toml"
     stepper = selvedge.LearnedStepper(selvedge.Scene(str(garment)).with_motion("forward"), trained)
     said = "\n".join(stepper.warnings)
-    assert "contact: a learned model does not see obstacles" in said
+    assert "contact: this model does not see obstacles" in said
 
 
 def test_what_is_no_snapshot_of_a_stepper_is_refused(small):

@@ -70,9 +70,8 @@ impl TrajectoryParts {
             None => {
                 let corner = |v: u32| self.rest[v as usize];
                 let faces = self.faces.iter();
-                let shapes: Vec<_> = faces
-                    .map(|face| own_shape(face.map(corner), DVec3::Y))
-                    .collect();
+                let shapes = faces.map(|face| own_shape(face.map(corner), DVec3::Y));
+                let shapes: Vec<_> = shapes.collect();
                 Mesh::sewn(&self.faces, &shapes, self.rest)
             }
         };

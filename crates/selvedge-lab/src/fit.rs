@@ -310,10 +310,8 @@ impl Fit {
         });
         let known = changes.map(|changes| identifiability::directions(&changes, noise));
         let (directions, errors) = known.unzip();
-        let errors = errors
-            .into_iter()
-            .flatten()
-            .chain(std::iter::repeat(f64::NAN));
+        let errors = errors.into_iter().flatten();
+        let errors = errors.chain(std::iter::repeat(f64::NAN));
         for ((number, part), error) in self.numbers.iter_mut().zip(&made.at).zip(errors) {
             number.value = number.at(*part);
             number.error = error * number.rate(number.value);

@@ -221,9 +221,8 @@ impl Drop for FolderLock {
 /// The owner, as the file names it.
 fn owner(file: &mut File) -> String {
     let mut text = String::new();
-    let read = file
-        .rewind()
-        .and_then(|()| file.take(200).read_to_string(&mut text));
+    let read = file.rewind();
+    let read = read.and_then(|()| file.take(200).read_to_string(&mut text));
     match (read, text.trim()) {
         (Ok(_), "") | (Err(_), _) => "a process that has not signed yet".to_owned(),
         (Ok(_), owner) => owner.to_owned(),

@@ -6,8 +6,8 @@ use std::ops::ControlFlow;
 use glam::Vec3;
 use selvedge_data::Trajectory;
 use selvedge_view::{
-    Body, ClipSettings, Colouring, DELAY_MS, Panel, Rgb, Run, ScalarField, SheetSettings,
-    ViewError, contact_sheet, still, write_clip,
+    Body, ClipSettings, Panel, Rgb, Run, ScalarField, SheetSettings, ViewError, contact_sheet,
+    pictures_in, still, write_clip,
 };
 
 /// A run to draw, alone or beside another.
@@ -46,9 +46,8 @@ pub fn strain_sheet(title: &str, trajectory: &Trajectory) -> Result<Vec<u8>, Vie
     let run = run_of(trajectory)?;
     let strain = strain_of(trajectory)?;
     let panel = Panel {
-        label: "",
-        run: &run,
-        colouring: Colouring::PerVertex(&strain),
+        field: Some(&strain),
+        ..Panel::of(&run)
     };
     contact_sheet(title, &[panel], &SheetSettings::default())?.to_png()
 }
@@ -64,19 +63,12 @@ pub fn picture(
         return Err(ViewError::no_frame(frame, frames));
     }
     let run = run_of_frames(trajectory, &[frame], trajectory.frame_rate())?;
-    let panel = Panel {
-        label: "",
-        run: &run,
-        colouring: Colouring::Plain,
-    };
-    still(&panel, 0, size)?.to_png()
+    still(&Panel::of(&run), 0, size)?.to_png()
 }
 
 /// Number of pictures of a clip of `trajectory`.
 pub fn clip_pictures(trajectory: &Trajectory) -> usize {
-    let last = trajectory.frame_count().saturating_sub(1);
-    let seconds = last as f64 / trajectory.frame_rate();
-    (1e3 * seconds / f64::from(DELAY_MS)) as usize + 1
+    pictures_in(trajectory.frame_count(), trajectory.frame_rate())
 }
 
 /// Writes a clip (.gif) in real time to `out`, of the same panels as [`sheet`]. `on_picture` hears of
@@ -117,23 +109,18 @@ fn with_panels<R>(
     show: &Show<'_>,
     draw: impl FnOnce(&[Panel<'_>]) -> Result<R, ViewError>,
 ) -> Result<R, ViewError> {
-    let plain = Colouring::Plain;
-    let panel = |label, run, colouring| Panel {
-        label,
-        run,
-        colouring,
-    };
+    let panel = |label, run, field| Panel { label, run, field };
     let prediction = run_of(show.prediction)?;
-    let own = panel(show.label, &prediction, plain);
+    let own = panel(show.label, &prediction, None);
     let Some(truth) = show.truth else {
         return draw(&[own]);
     };
     let truth = run_of(truth)?;
     let error = ScalarField::distance(&truth, &prediction)?;
     draw(&[
-        panel(PHYSICS, &truth, plain),
+        panel(PHYSICS, &truth, None),
         own,
-        panel("error", &prediction, Colouring::PerVertex(&error)),
+        panel("error", &prediction, Some(&error)),
     ])
 }
 

@@ -169,11 +169,8 @@ impl LiveCloth {
     }
 
     fn change(&mut self, influences: Influences, kept: &[Option<usize>]) -> Result<(), LiveError> {
-        let changed: Result<Vec<_>, LiveError> = self
-            .all
-            .iter()
-            .map(|one| one.stepper.changed(&influences))
-            .collect();
+        let changed = self.all.iter().map(|one| one.stepper.changed(&influences));
+        let changed: Result<Vec<_>, LiveError> = changed.collect();
         for (one, stepper) in self.all.iter_mut().zip(changed?) {
             one.stepper = stepper;
         }

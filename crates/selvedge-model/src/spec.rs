@@ -48,6 +48,14 @@ pub enum NodeFeature {
     /// What a handle is about to be accelerated by, p^{t+1} - 2 p^t + p^{t-1} `[m/frame²]`, 3 columns: its
     /// target is known. 0 of free vertices.
     HandleAcceleration,
+    /// Unit direction from the nearest body, or the nearest other layer, times 1 - gap / reach, 3 columns: 0
+    /// where nothing is within reach.
+    Nearness,
+    /// What keeps a vertex at the thickness of contact from there if it and the body go on as they do
+    /// `[m/frame²]`, 3 columns: the body's next place is known.
+    ContactAcceleration,
+    /// Velocity of the nearest point there against the vertex, times 1 - gap / reach `[m/frame]`, 3 columns.
+    ContactVelocity,
 }
 
 /// A group of columns of an arc, in the order in which they stand in the input.
@@ -233,12 +241,21 @@ impl ModelSpec {
                 return Err(SpecError(problem));
             }
         }
-        if nodes.contains(&NodeFeature::HandleAcceleration) && self.window() > 1 {
+        let of_newest = nodes.contains(&NodeFeature::HandleAcceleration) || self.sees_bodies();
+        if of_newest && self.window() > 1 {
             return Err(SpecError(
-                "model.node_features contains \"handle-acceleration\", which is known of the newest frame alone: choose an encoder of the kind \"mlp\"".to_owned(),
+                "model.node_features contains \"handle-acceleration\" or what is near, known of the newest frame alone: choose an encoder of the kind \"mlp\"".to_owned(),
             ));
         }
         Ok(())
+    }
+
+    /// True where a feature is made from what the cloth could touch.
+    pub fn sees_bodies(&self) -> bool {
+        use NodeFeature::{ContactAcceleration, ContactVelocity, Nearness};
+        [Nearness, ContactAcceleration, ContactVelocity]
+            .iter()
+            .any(|feature| self.node_features.contains(feature))
     }
 
     /// True where a feature is made from the fabric's stiffness or the pattern's lengths

@@ -203,11 +203,13 @@ fn save(trainer: &mut Trainer, folder: &Path) -> Result<(), RunError> {
     if !trainer.ranks().is_first() {
         return Ok(());
     }
+    let mut domain = trainer.domain().clone();
+    domain.contact &= trainer.config().model.sees_bodies();
     let mut account = serde_json::json!({
         "config": trainer.config(),
         "steps_done": trainer.steps_done(),
         "dataset": trainer.dataset_name(),
-        "domain": trainer.domain(),
+        "domain": domain,
     });
     if !trainer.origins().is_empty() {
         account["from"] = serde_json::json!(trainer.origins());

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use selvedge_cloth::{Environment, HandleSchedule, Material};
-use selvedge_data::{Dataset, Problem, Sample, Section, Split, Trajectory};
+use selvedge_data::{Dataset, Problem, Sample, SceneSpec, Section, Split, Trajectory};
 use selvedge_model::{ClothGraph, Domain, ModelSpec, Yaw};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
@@ -16,7 +16,7 @@ pub(crate) struct Motion {
     pub(crate) graph: Arc<ClothGraph>,
     /// When handles let go.
     schedule: HandleSchedule,
-    /// True where handles or air change over the motion.
+    /// True where handles, air or bodies change over the motion.
     varies: bool,
     /// The local frame of each frame, as a rollout from the first one has it: handles without a
     /// direction keep the one before.
@@ -35,12 +35,13 @@ impl Motion {
         let schedule = schedule_of(motion, &trajectory)?;
         let yaws = yaws(&graph, &schedule, &trajectory);
         let gust = environment_of(motion, &trajectory)?.gust;
+        let varies = gust.is_some() || !schedule.is_empty() || graph.has_moving_bodies();
         let mut others = others.iter();
         let same = others.find(|motion| *motion.graph == graph);
         let same = same.map(|motion| Arc::clone(&motion.graph));
         Ok(Self {
             graph: same.unwrap_or_else(|| Arc::new(graph)),
-            varies: gust.is_some() || !schedule.is_empty(),
+            varies,
             schedule,
             yaws,
             trajectory,
@@ -122,9 +123,11 @@ pub enum TrainingSetError {
     NoFabric(String),
 }
 
-/// The graph of a trajectory's cloth in the environment of its scene (the default one where it
-/// has no scene). Its fabric is known where the scene has one, and no more.
+/// The graph of a trajectory's cloth in the environment and among the bodies of its scene (the default
+/// environment and none where it has no scene). Its fabric is known where the scene has one, and no more.
 pub fn graph_of(motion: &str, trajectory: &Trajectory) -> Result<ClothGraph, TrainingSetError> {
+    let problem =
+        |error: &dyn std::fmt::Display| TrainingSetError::Trajectory(format!("{motion}: {error}"));
     let environment = environment_of(motion, trajectory)?;
     let cloth = trajectory.cloth();
     let graph = ClothGraph::new(cloth, environment, trajectory.frame_rate());
@@ -135,7 +138,15 @@ pub fn graph_of(motion: &str, trajectory: &Trajectory) -> Result<ClothGraph, Tra
         }
         _ => graph,
     };
-    graph.map_err(|error| TrainingSetError::Trajectory(format!("{motion}: {error}")))
+    let graph = graph.map_err(|error| problem(&error))?;
+    let scene = &trajectory.provenance().scene;
+    if scene.pointer("/setting/contact").is_none() {
+        return Ok(graph);
+    }
+    let scene = SceneSpec::from_json(scene).and_then(|scene| scene.build("".as_ref()));
+    let scene = scene.map_err(|error| problem(&error))?;
+    let contact = scene.contact.unwrap_or_default();
+    Ok(graph.among(contact, &scene.obstacles))
 }
 
 /// The materials of a trajectory's scene, where they are known.
@@ -224,9 +235,10 @@ impl TrainingSet {
             let before = first_sample[first_sample.len() - 1];
             first_sample.push(before + section.samples().count());
         }
-        let Some(domain) = domain.filter(|_| first_sample[first_sample.len() - 1] > 0) else {
+        let Some(mut domain) = domain.filter(|_| first_sample[first_sample.len() - 1] > 0) else {
             return Err(TrainingSetError::NoSamples);
         };
+        domain.contact = motions.iter().any(|motion| motion.graph.has_contact());
         Ok(Self {
             motions,
             sections,

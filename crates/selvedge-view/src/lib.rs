@@ -16,13 +16,12 @@
 //! ```
 //! use glam::Vec3;
 //! use selvedge_cloth::{Topology, VertexId};
-//! use selvedge_view::{Colouring, Panel, Run, still};
+//! use selvedge_view::{Panel, Run, still};
 //!
 //! let topology = Topology::new(3, &[[0, 1, 2]])?;
 //! let frame = [Vec3::ZERO, Vec3::Z, Vec3::Y];
 //! let run = Run::new(&topology, [&frame[..]], &[VertexId(2)], 60.0)?;
-//! let panel = Panel { label: "", run: &run, colouring: Colouring::Plain };
-//! let png = still(&panel, 0, [64, 48])?.to_png()?;
+//! let png = still(&Panel::of(&run), 0, [64, 48])?.to_png()?;
 //! assert_eq!(png[1..4], *b"PNG");
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -42,9 +41,9 @@ pub use image::Image;
 pub use image::colour::Rgb;
 pub use motion::body::Body;
 pub use motion::field::ScalarField;
-pub use motion::panel::{Colouring, Panel};
+pub use motion::panel::Panel;
 pub use motion::run::Run;
-pub use page::clip::{ClipSettings, DELAY_MS, write_clip};
+pub use page::clip::{ClipSettings, pictures_in, write_clip};
 pub use page::sheet::{SheetSettings, contact_sheet, still};
 pub use raster::camera::View;
 pub use raster::renderer::Renderer;

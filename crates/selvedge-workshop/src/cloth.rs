@@ -123,9 +123,8 @@ fn untrained(name: &str, model: &Model, now: &Domain) -> Option<String> {
 
 /// The state in the last of `frames`, frames counted from 0.
 fn moving(frames: &[Vec<Vec3>], rate: f64) -> Result<Checkpoint, LiveError> {
-    let last = frames
-        .last()
-        .ok_or_else(|| LiveError::new("there is no frame to go on from"))?;
+    let last = frames.last();
+    let last = last.ok_or_else(|| LiveError::new("there is no frame to go on from"))?;
     let before = match frames.len() {
         0 | 1 => last,
         count => &frames[count - 2],

@@ -196,10 +196,8 @@ impl LiveModel {
         let held = held.map_err(LiveError::new)?;
         let held_scene = under(scene, influences);
         let graph = ClothGraph::of_scene(&held, &held_scene).map_err(LiveError::new)?;
-        let stepper = model
-            .machine
-            .start(&model.model, graph, frames)
-            .map_err(LiveError::new)?;
+        let stepper = model.machine.start(&model.model, graph, frames);
+        let stepper = stepper.map_err(LiveError::new)?;
         let (known, settings) = (Arc::new(held_scene), Correction::default());
         let stepper = Guard::new(stepper, &held, scene.frame_rate, Some(known), settings);
         let needed = model.model.spec().history();

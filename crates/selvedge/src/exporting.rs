@@ -267,10 +267,8 @@ pub(crate) fn size_of(path: &Path) -> u64 {
     let Ok(entries) = std::fs::read_dir(path) else {
         return std::fs::metadata(path).map_or(0, |found| found.len());
     };
-    entries
-        .filter_map(|entry| entry.ok()?.metadata().ok())
-        .map(|found| found.len())
-        .sum()
+    let found = entries.filter_map(|entry| entry.ok()?.metadata().ok());
+    found.map(|found| found.len()).sum()
 }
 
 /// Bytes as people read them.

@@ -7,7 +7,7 @@ use anyhow::{Context, ensure};
 use selvedge_data::{Trajectory, write_beside, write_folder_atomically};
 use selvedge_lab::pictures::run_of_frames;
 use selvedge_view::{
-    ClipSettings, Colouring, DELAY_MS, Image, Panel, Renderer, Rgb, Run, Stage, View, write_clip,
+    ClipSettings, Image, Panel, Renderer, Rgb, Run, Stage, View, pictures_in, write_clip,
 };
 
 use crate::output::End;
@@ -71,7 +71,7 @@ impl<'a> Film<'a> {
     /// Writes the first frame.
     pub(crate) fn write_png(&self, path: &Path) -> anyhow::Result<()> {
         let mut renderer = self.renderer(4)?;
-        let png = renderer.render(&self.panel(), 0)?.to_png()?;
+        let png = renderer.render(&Panel::of(&self.run), 0)?.to_png()?;
         place::write(path, &png)
     }
 
@@ -94,15 +94,13 @@ impl<'a> Film<'a> {
             view: self.look.view,
             tile: self.look.size.unwrap_or(usual.tile),
         };
-        let panel = self.panel();
-        let seconds = self.run.time(self.run.frames().len() - 1);
-        let pictures = (1e3 * seconds / f64::from(DELAY_MS)) as usize + 1;
+        let pictures = pictures_in(self.run.frames().len(), self.run.frame_rate());
         let progress = Progress::new("drawing the clip", pictures, "pictures");
         let draw = |part: &Path| {
             let file = std::fs::File::create(part).context("the clip")?;
             let mut out = io::BufWriter::new(file);
-            let panels = std::slice::from_ref(&panel);
-            let end = write_clip(&mut out, &self.title, panels, &settings, &mut || {
+            let panels = [Panel::of(&self.run)];
+            let end = write_clip(&mut out, &self.title, &panels, &settings, &mut || {
                 progress.step()
             });
             ensure!(end.context("the clip")?.is_continue(), INTERRUPTED);
@@ -120,7 +118,7 @@ impl<'a> Film<'a> {
         let progress = Progress::new("drawing", frames, "pictures");
         let mut renderer = self.renderer(2)?;
         for number in 0..frames {
-            let image = renderer.render(&self.panel(), number);
+            let image = renderer.render(&Panel::of(&self.run), number);
             take(number, &image.context("a picture")?)?;
             progress.advance();
             ensure!(!interrupt::requested() || number + 1 == frames, INTERRUPTED);
@@ -128,22 +126,10 @@ impl<'a> Film<'a> {
         Ok(())
     }
 
-    fn size(&self) -> [u32; 2] {
-        self.look.size.unwrap_or(SIZE)
-    }
-
     fn renderer(&self, samples: u32) -> anyhow::Result<Renderer> {
-        let size = self.size();
+        let size = self.look.size.unwrap_or(SIZE);
         let aspect = size[0] as f32 / size[1] as f32;
         let stage = Stage::of_runs(&[&self.run], self.look.view, aspect)?;
         Ok(Renderer::new(&stage, size, samples)?)
-    }
-
-    fn panel(&self) -> Panel<'_> {
-        Panel {
-            label: "",
-            run: &self.run,
-            colouring: Colouring::Plain,
-        }
     }
 }

@@ -95,10 +95,8 @@ pub(crate) fn check_outputs(
     outputs: &[(&str, impl AsRef<Path>)],
     inputs: &[(&str, impl AsRef<Path>)],
 ) -> anyhow::Result<()> {
-    let outputs: Vec<_> = outputs
-        .iter()
-        .map(|(flag, to)| (*flag, to.as_ref()))
-        .collect();
+    let outputs = outputs.iter().map(|(flag, to)| (*flag, to.as_ref()));
+    let outputs: Vec<_> = outputs.collect();
     check_distinct(&outputs)?;
     for (name, input) in inputs {
         for &output in &outputs {

@@ -73,9 +73,8 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<PointCache, String> {
     if !(step.is_finite() && step > 0.0) {
         return Err(format!("has a sample every {step} frames, which cannot be"));
     }
-    let expected = samples
-        .checked_mul(points)
-        .and_then(|n| n.checked_mul(12)?.checked_add(HEADER));
+    let expected = samples.checked_mul(points);
+    let expected = expected.and_then(|n| n.checked_mul(12)?.checked_add(HEADER));
     if expected != Some(bytes.len()) {
         return Err(format!(
             "has {} bytes, but {samples} samples of {points} points need {}: it was cut short or changed",
@@ -84,9 +83,8 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<PointCache, String> {
         ));
     }
     let words = bytes[HEADER..].as_chunks::<4>().0.iter();
-    let numbers: Vec<f64> = words
-        .map(|word| f64::from(f32::from_le_bytes(*word)))
-        .collect();
+    let numbers = words.map(|word| f64::from(f32::from_le_bytes(*word)));
+    let numbers: Vec<f64> = numbers.collect();
     let sample = |own: &[f64]| own.chunks_exact(3).map(DVec3::from_slice).collect();
     Ok(PointCache {
         every: step,

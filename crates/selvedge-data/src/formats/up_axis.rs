@@ -15,6 +15,11 @@ pub enum UpAxis {
     Z,
 }
 
+/// The axis of a turn where none is written.
+pub(crate) fn up() -> DVec3 {
+    DVec3::Y
+}
+
 impl UpAxis {
     /// A point of the foreign world in ours.
     pub(crate) fn to_ours(self, p: DVec3) -> DVec3 {

@@ -50,7 +50,7 @@ pub enum BodySpec {
 #[serde(deny_unknown_fields)]
 pub struct Plane {
     /// Direction across it; need not have length one.
-    #[serde(default = "up")]
+    #[serde(default = "crate::formats::up_axis::up")]
     pub normal: DVec3,
     /// Distance of the plane from the origin along the normal `[m]`.
     #[serde(default)]
@@ -103,10 +103,6 @@ pub struct Tube {
 pub struct Cuboid {
     /// Its sides along x, y and z `[m]`.
     pub size: DVec3,
-}
-
-fn up() -> DVec3 {
-    DVec3::Y
 }
 
 fn far() -> Sides {

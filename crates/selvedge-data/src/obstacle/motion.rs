@@ -40,7 +40,7 @@ pub enum ObstacleMotion {
 #[serde(deny_unknown_fields)]
 pub struct ObstacleKeyframes {
     /// Direction of the axis of its turns; need not have length one.
-    #[serde(default = "up")]
+    #[serde(default = "crate::formats::up_axis::up")]
     pub axis: DVec3,
     /// A point of that axis `[m]`; the mean of the obstacle's points where there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -78,10 +78,6 @@ pub struct FramesFile {
     /// Seconds of the motion that are left out at its beginning.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub from: f64,
-}
-
-fn up() -> DVec3 {
-    DVec3::Y
 }
 
 #[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks for it")]

@@ -92,9 +92,8 @@ impl RigMesh {
             return placed.collect();
         };
         let joints = skin.joints.iter();
-        let joints: Vec<DMat4> = joints
-            .map(|&(node, bind)| rig.placement(node, time) * bind)
-            .collect();
+        let joints = joints.map(|&(node, bind)| rig.placement(node, time) * bind);
+        let joints: Vec<DMat4> = joints.collect();
         let place = |(point, shares): (&DVec3, &Vec<(usize, f64)>)| {
             let moved = shares
                 .iter()

@@ -118,10 +118,8 @@ impl Rig {
     pub(super) fn keys(&self, node: usize) -> Vec<f64> {
         let chain = self.chain(node);
         let operations = chain.iter().flat_map(|&node| &self.nodes[node].operations);
-        operations
-            .flat_map(|operation| operation.change.keys())
-            .copied()
-            .collect()
+        let keys = operations.flat_map(|operation| operation.change.keys());
+        keys.copied().collect()
     }
 
     /// Transform from the space of `node` to the world at `time` `[s]`.
@@ -141,10 +139,8 @@ impl Rig {
     /// The only node of this name that can be placed.
     pub(crate) fn find(&self, name: &str) -> Result<usize, RigError> {
         let all = self.nodes.iter().enumerate();
-        let named: Vec<usize> = all
-            .filter(|(_, n)| n.name == name)
-            .map(|(k, _)| k)
-            .collect();
+        let named = all.filter(|(_, n)| n.name == name).map(|(k, _)| k);
+        let named: Vec<usize> = named.collect();
         match named.as_slice() {
             &[only] => self.check_chain(only).map(|()| only),
             [] => Err(RigError::Content(format!(

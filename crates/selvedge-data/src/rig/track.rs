@@ -36,10 +36,8 @@ pub(super) trait Value: Copy + Mul<f64, Output = Self> + Sum {
     fn between(self, to: Self, fraction: f64) -> Self;
     /// The sum of values, each times its weight, as a value of its kind.
     fn combined(parts: [(Self, f64); 4]) -> Self {
-        parts
-            .into_iter()
-            .map(|(value, weight)| value * weight)
-            .sum()
+        let weighted = parts.into_iter().map(|(value, weight)| value * weight);
+        weighted.sum()
     }
     /// Returns true when all numbers are finite.
     fn is_sound(self) -> bool;

@@ -24,6 +24,8 @@ pub use mesh_spec::{MeshSource, MeshSpec, ObjSource, Rotate, Transform, size_war
 pub(crate) use motion_source::{MotionSource, Stand};
 pub(crate) use problem::{field, not_understood, parse_toml, read_text, unknown};
 pub use recorded_csv::parse_recorded_csv;
-pub(crate) use setting_file::{MeshFile, ResolvedSetting, SettingFile};
+pub(crate) use setting_file::{
+    MeshFile, ResolvedSetting, SettingFile, resolved_obstacles, usual_contact,
+};
 pub use spec::{SceneSpec, Setting, StartSpec};
 pub use strained::{StrainedEdge, Times, panel_stretches, strain_warnings, worst_edges};

@@ -160,14 +160,10 @@ pub(crate) struct GroupMove {
     /// The group's name.
     pub(crate) group: String,
     /// The axis of its rotations, through its centre; upwards if there is none.
-    #[serde(default = "default_axis")]
+    #[serde(default = "crate::formats::up_axis::up")]
     pub(crate) axis: DVec3,
     /// Places of the group over time.
     pub(crate) keyframes: Vec<Keyframe>,
-}
-
-fn default_axis() -> DVec3 {
-    DVec3::Y
 }
 
 impl GroupMotion {
@@ -211,10 +207,8 @@ impl MotionSource {
         match self {
             Self::Named(name) => named::by_name(name).ok_or_else(|| {
                 let known = named::names().join(", ");
-                field(
-                    "motion.named",
-                    format!("no motion is called {name:?}; known are {known}"),
-                )
+                let problem = format!("no motion is called {name:?}; known are {known}");
+                field("motion.named", problem)
             }),
             Self::Inline(motion) => Ok(motion.clone()),
             Self::Groups(motion) => motion.resolve(stand.groups),

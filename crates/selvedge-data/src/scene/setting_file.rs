@@ -195,7 +195,7 @@ impl ContactFile {
 const THIN: f64 = 2e-4;
 
 /// The usual contact for a mesh; warns where a short edge makes it thin.
-pub(super) fn usual_contact(read: &mut ReadMesh) -> ContactSettings {
+pub(crate) fn usual_contact(read: &mut ReadMesh) -> ContactSettings {
     let mesh = &read.sheet.mesh;
     let lengths = mesh.pattern().edge_lengths();
     let edges = mesh.topology().edges().iter().zip(lengths);
@@ -215,7 +215,7 @@ pub(super) fn usual_contact(read: &mut ReadMesh) -> ContactSettings {
 }
 
 /// Obstacles with names of their own.
-fn resolved_obstacles(
+pub(crate) fn resolved_obstacles(
     files: Vec<ObstacleFile>,
     folder: &Path,
 ) -> Result<Vec<ObstacleSpec>, Problem> {

@@ -148,10 +148,8 @@ pub(super) fn warnings(mesh: &Mesh, positions: &[DVec3], remedy: &str) -> Vec<St
             }
         )];
     }
-    let over = stretches
-        .iter()
-        .filter(|stretch| **stretch > OVERSTRAINED)
-        .count();
+    let over = stretches.iter().filter(|stretch| **stretch > OVERSTRAINED);
+    let over = over.count();
     if over == 0 {
         return Vec::new();
     }

@@ -192,9 +192,8 @@ fn read_cloth(file: &ArrayFile<'_>, up: UpAxis) -> Result<(Cloth, Vec<Vec3>), Pr
         let ours = |p| up.to_ours(Vec3::from_slice(p).as_dvec3()).as_vec3();
         values.chunks_exact(3).map(ours).collect()
     };
-    let positions = file
-        .singles("positions")?
-        .of_shape(&[None, None, Some(3)])?;
+    let positions = file.singles("positions")?;
+    let positions = positions.of_shape(&[None, None, Some(3)])?;
     let vertices = positions.shape[1];
     let singles = |name: &str, shape: &[Option<usize>]| {
         Ok::<_, Problem>(file.singles(name)?.of_shape(shape)?.values)
@@ -279,9 +278,8 @@ pub(crate) fn cloth_tensors<'a>(cloth: &'a Cloth, rest: &[Vec3]) -> Vec<TensorOu
         ),
     ];
     let named = TENSORS[1..].iter().zip(values);
-    let mut tensors: Vec<TensorOut<'_>> = named
-        .map(|(name, (shape, values))| TensorOut::new(*name, shape, values))
-        .collect();
+    let tensors = named.map(|(name, (shape, values))| TensorOut::new(*name, shape, values));
+    let mut tensors: Vec<TensorOut<'_>> = tensors.collect();
     if pattern.is_sewn() {
         let corners = TensorValues::U32(pattern.corners().into_flattened().into());
         tensors.push(TensorOut::new(PATTERN_FACES, &[faces, 3], corners));

@@ -64,9 +64,8 @@ pub(super) fn names_in(metadata: &HashMap<String, String>) -> Result<Vec<String>
 
 /// Returns true for the name of a tensor of one of `count` obstacles.
 pub(super) fn is_tensor(name: &str, count: usize) -> bool {
-    let parts = name
-        .strip_prefix("obstacle_")
-        .and_then(|rest| rest.split_once('.'));
+    let parts = name.strip_prefix("obstacle_");
+    let parts = parts.and_then(|rest| rest.split_once('.'));
     parts.is_some_and(|(number, part)| {
         let number = number.parse::<usize>().ok().filter(|n| *n < count);
         PARTS.contains(&part) && number.is_some_and(|number| title(number, part) == name)
@@ -83,11 +82,8 @@ fn read_one(file: &ArrayFile<'_>, number: usize, name: &str) -> Result<ObstacleT
     let faces = file.wholes(&title("faces"))?.of_shape(&[None, Some(3)])?;
     let points = file.singles(&title("points"))?;
     let points = points.of_shape(&[None, None, Some(3)])?;
-    let all: Vec<Vec3> = points
-        .values
-        .chunks_exact(3)
-        .map(Vec3::from_slice)
-        .collect();
+    let all = points.values.chunks_exact(3).map(Vec3::from_slice);
+    let all: Vec<Vec3> = all.collect();
     let has_poses = file.has(&title("poses"));
     let (frames, count) = (points.shape[0], points.shape[1]);
     if count == 0 || frames == 0 || has_poses && frames != 1 {

@@ -25,6 +25,8 @@ mod summary;
 mod tests;
 mod truth;
 
+use std::collections::BTreeSet;
+
 use anyhow::{Context, Result};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -287,12 +289,8 @@ fn timings(
     reporter: &Reporter<'_>,
 ) -> Result<Option<Vec<Timing>>> {
     let mut found: Vec<Timing> = Vec::new();
-    let mut meshes: Vec<&str> = Vec::new();
-    let first = prepared.iter().filter(|job| {
-        let is_new = !meshes.contains(&job.mesh.as_str());
-        meshes.push(&job.mesh);
-        is_new
-    });
+    let mut meshes = BTreeSet::new();
+    let first = prepared.iter().filter(|job| meshes.insert(&job.mesh));
     let first: Vec<&Prepared<'_>> = first.collect();
     let one = workers::pool(Some(1))?;
     let task = reporter.count("timing frames", first.len() * plan.methods.len(), "runs");
@@ -330,10 +328,8 @@ fn timings(
 /// The reference's own position error after each number of frames `[m]`, from a run with half its
 /// substeps; nothing where there is none.
 pub fn own_errors(runs: &[Run], order: u32) -> Vec<(usize, f64)> {
-    let half: Vec<&Run> = runs
-        .iter()
-        .filter(|run| run.kind == Kind::Reference)
-        .collect();
+    let half = runs.iter().filter(|run| run.kind == Kind::Reference);
+    let half: Vec<&Run> = half.collect();
     let summaries = summaries(&half);
     let after = summaries.iter().flat_map(|summary| &summary.after);
     let error = |at: &FrameErrors| {

@@ -1,5 +1,8 @@
 //! The runs of each method, summed up: means over starts and cases, and what became of the runs.
 
+use std::collections::BTreeSet;
+
+use indexmap::IndexMap;
 use selvedge_data::metrics::Character;
 use serde::Serialize;
 
@@ -36,31 +39,22 @@ pub struct Summary {
 
 /// The methods of `runs`, in the order in which they appear.
 pub fn summaries(runs: &[&Run]) -> Vec<Summary> {
-    let mut methods: Vec<(&str, Kind)> = Vec::new();
+    let mut methods: IndexMap<(&str, Kind), Vec<&Run>> = IndexMap::new();
     for run in runs {
-        let method = (run.method.as_str(), run.kind);
-        if !methods.contains(&method) {
-            methods.push(method);
-        }
+        let own = methods.entry((&run.method, run.kind)).or_default();
+        own.push(run);
     }
-    let of = |&(method, kind): &(&str, Kind)| {
-        let own = runs.iter().copied();
-        let own = own.filter(|run| run.method == method && run.kind == kind);
-        summary(method, kind, &own.collect::<Vec<_>>())
-    };
-    methods.iter().map(of).collect()
+    let methods = methods.into_iter();
+    methods
+        .map(|((method, kind), own)| summary(method, kind, &own))
+        .collect()
 }
 
 fn summary(method: &str, kind: Kind, runs: &[&Run]) -> Summary {
     let whole: Vec<&Run> = runs.iter().copied().filter(|run| run.is_whole).collect();
     let started: Vec<&Run> = runs.iter().copied().filter(|run| !run.is_whole).collect();
-    let mut frames: Vec<usize> = Vec::new();
-    for at in started.iter().flat_map(|run| &run.frames) {
-        if !frames.contains(&at.frame) {
-            frames.push(at.frame);
-        }
-    }
-    frames.sort_unstable();
+    let frames = started.iter().flat_map(|run| &run.frames);
+    let frames: BTreeSet<usize> = frames.map(|at| at.frame).collect();
     let all = |values: Vec<Option<FrameErrors>>| {
         let values: Option<Vec<FrameErrors>> = values.into_iter().collect();
         FrameErrors::over_runs(&values?)
@@ -76,14 +70,12 @@ fn summary(method: &str, kind: Kind, runs: &[&Run]) -> Summary {
     let characters: Option<Vec<_>> = whole.iter().map(|run| run.character).collect();
     let speeds: Option<Vec<f64>> = whole.iter().map(|run| run.final_speed).collect();
     let speeds = speeds.filter(|all| !all.is_empty());
+    let diverged = whole.iter().filter(|run| run.diverged_frame.is_some());
     Summary {
         method: method.to_owned(),
         kind,
         whole_runs: whole.len(),
-        diverged: whole
-            .iter()
-            .filter(|run| run.diverged_frame.is_some())
-            .count(),
+        diverged: diverged.count(),
         guarded: guarded
             .filter(|all| !all.is_empty())
             .map(|all| GuardSummary::sum(all.into_iter())),
@@ -97,15 +89,11 @@ fn summary(method: &str, kind: Kind, runs: &[&Run]) -> Summary {
 }
 
 fn by_case<'a>(runs: &[&'a Run]) -> Vec<Vec<&'a Run>> {
-    let mut cases: Vec<Vec<&Run>> = Vec::new();
+    let mut cases: IndexMap<_, Vec<&Run>> = IndexMap::new();
     for run in runs {
-        let is_same = |own: &&mut Vec<&Run>| (&own[0].set, &own[0].case) == (&run.set, &run.case);
-        match cases.iter_mut().find(is_same) {
-            Some(own) => own.push(run),
-            None => cases.push(vec![run]),
-        }
+        cases.entry((&run.set, &run.case)).or_default().push(run);
     }
-    cases
+    cases.into_values().collect()
 }
 
 /// The error of a run with steps h/2, from its difference to one with steps h, for a method of this

@@ -5,6 +5,8 @@ use std::ops::ControlFlow;
 use selvedge_data::{
     DatasetPlan, DatasetPreset, DatasetWriter, Provenance, SectionRule, Trajectory, shipped_presets,
 };
+use selvedge_model::ClothGraph;
+use selvedge_train::graph_of;
 use serde_json::json;
 use tempfile::TempDir;
 
@@ -13,13 +15,16 @@ use crate::generation::{Order, generate};
 
 /// The preset `tiny` by the physics of this name.
 fn made_by(physics: &str) -> (TempDir, Dataset) {
-    let folder = tempfile::tempdir().unwrap();
     let (_, text) = shipped_presets()
         .iter()
         .find(|(name, _)| *name == "tiny")
         .unwrap();
-    let changed = text.replace("[setting]", &format!("[setting]\nphysics = {physics:?}"));
-    let preset = DatasetPreset::parse(&changed, folder.path()).unwrap();
+    made_from(&text.replace("[setting]", &format!("[setting]\nphysics = {physics:?}")))
+}
+
+fn made_from(text: &str) -> (TempDir, Dataset) {
+    let folder = tempfile::tempdir().unwrap();
+    let preset = DatasetPreset::parse(text, folder.path()).unwrap();
     let order = Order {
         preset: &preset,
         folder: &folder.path().join("data"),
@@ -65,6 +70,54 @@ fn labels_of_recorded_states_are_the_recorded_frames() {
         assert!(acceleration > 2e-4, "{acceleration}");
         assert!(first < 0.005 * acceleration, "{first} of {acceleration}");
         assert!(fifth < 0.03 * acceleration, "{fifth} of {acceleration}");
+    }
+}
+
+#[test]
+fn a_cloth_of_a_data_set_is_learned_from_among_its_own_bodies() {
+    let (_folder, data) = made_from(
+        r#"
+name = "among"
+sections = "whole"
+train = []
+test = ["test-x-minus-y"]
+[setting]
+material = "gray-interlock"
+mesh = { generator = { kind = "square", vertices = 16, size = 0.3, seed = 1 } }
+handles = { label = "upper-corners" }
+[[cloths]]
+name = "own"
+mesh = { generator = { kind = "square", vertices = 25, size = 0.3, seed = 1 } }
+handles = { label = "upper-corners" }
+obstacles = [{ name = "ball", sphere = { radius = 0.1 }, transform = { translation = [0.12, -0.3, 0.0] }, motion = { keyframes = [{ time = 0.0 }, { time = 0.5, translation = [-0.3, 0.0, 0.0] }] } }]
+train = ["random-1"]
+"#,
+    );
+    let tested = data.read(&data.entries(Split::Test)[0]).unwrap();
+    assert!(!graph_of("tested", &tested).unwrap().has_contact());
+    let entry = &data.entries(Split::Train)[0];
+    let truth = data.read(entry).unwrap();
+    let graph = graph_of(&entry.motion, &truth).unwrap();
+    let scene = physics::scene_of(&truth).unwrap();
+    assert_eq!(scene.obstacles.len(), 1);
+    assert!(graph.has_contact() && graph.has_moving_bodies());
+    // As a rollout has it.
+    assert_eq!(graph, ClothGraph::of_scene(truth.cloth(), &scene).unwrap());
+    // The expert keeps it apart from the ball, which swings through where the cloth hangs.
+    let expert = PhysicsExpert::new(&data).unwrap();
+    let recorded = |after: usize| truth.frame(20 + after);
+    let state = ExpertState {
+        trajectory: 0,
+        frame: 22,
+        positions: [recorded(1), recorded(2)],
+        recorded: [recorded(0), recorded(1), recorded(2), recorded(3)],
+    };
+    for (after, label) in expert.label(state, 8).unwrap().iter().enumerate() {
+        let time = (23 + after) as f64 / scene.frame_rate;
+        let ball = scene.obstacles[0].core_at(time).unwrap();
+        for p in label {
+            assert!(p.distance(ball.ends[0]) > ball.radius, "frame {after}");
+        }
     }
 }
 

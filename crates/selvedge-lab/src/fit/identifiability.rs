@@ -39,10 +39,8 @@ pub(super) fn directions(changes: &[Vec<f64>], noise: f64) -> (Vec<Direction>, V
     let error = |number: usize| {
         let parts = directions.iter().map(|one| (one.error, one.way[number]));
         let parts = parts.filter(|(_, part)| part.abs() > 1e-6);
-        parts
-            .map(|(error, part)| (error * part).powi(2))
-            .sum::<f64>()
-            .sqrt()
+        let squares = parts.map(|(error, part)| (error * part).powi(2));
+        squares.sum::<f64>().sqrt()
     };
     let errors = (0..changes.len()).map(error).collect();
     (directions, errors)
@@ -52,10 +50,8 @@ pub(super) fn directions(changes: &[Vec<f64>], noise: f64) -> (Vec<Direction>, V
 pub(super) fn gauss_newton(changes: &[Vec<f64>], noise: f64) -> Vec<Vec<f64>> {
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let row = |a: &Vec<f64>| {
-        changes
-            .iter()
-            .map(|b| dot(a, b) / (noise * noise))
-            .collect()
+        let row = changes.iter().map(|b| dot(a, b) / (noise * noise));
+        row.collect()
     };
     changes.iter().map(row).collect()
 }

@@ -35,9 +35,8 @@ impl Metric {
     pub(super) fn of(matrix: Vec<Vec<f64>>, value: f64) -> Self {
         let least = (8.0 * value).max(f64::MIN_POSITIVE);
         let found = eigen(matrix).into_iter();
-        let found: Vec<_> = found
-            .map(|(own, way)| (own.max(least).sqrt(), way))
-            .collect();
+        let found = found.map(|(own, way)| (own.max(least).sqrt(), way));
+        let found: Vec<_> = found.collect();
         let rows = |power: i32| {
             let row =
                 |(root, way): &(f64, Vec<f64>)| way.iter().map(|w| w * root.powi(power)).collect();
@@ -56,11 +55,8 @@ impl Metric {
 
     fn back(&self, way: &[f64]) -> Vec<f64> {
         let column = |k| {
-            self.0[1]
-                .iter()
-                .zip(way)
-                .map(|(row, way)| row[k] * way)
-                .sum()
+            let parts = self.0[1].iter().zip(way).map(|(row, way)| row[k] * way);
+            parts.sum()
         };
         (0..way.len()).map(column).collect()
     }
@@ -133,9 +129,8 @@ fn step(
     let mut length = (LONGEST / largest).min(1.0);
     for _ in 0..TRIES {
         let moved = from.at.iter().zip(&way);
-        let to: Vec<f64> = moved
-            .map(|(at, way)| (at - length * way).clamp(0.0, 1.0))
-            .collect();
+        let to = moved.map(|(at, way)| (at - length * way).clamp(0.0, 1.0));
+        let to: Vec<f64> = to.collect();
         let moves: Vec<f64> = to.iter().zip(&from.at).map(|(to, at)| to - at).collect();
         let fall = dot(&from.slope, &moves);
         if fall >= 0.0 {

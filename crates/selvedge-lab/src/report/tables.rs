@@ -1,7 +1,9 @@
 //! Tables in Markdown. Lengths are in millimetres with the digits that matter.
 
+use std::collections::BTreeSet;
 use std::fmt::Write;
 
+use indexmap::IndexMap;
 use selvedge_data::metrics::Character;
 
 use super::ms_per_frame;
@@ -36,13 +38,9 @@ fn escape(text: &str) -> String {
 
 /// The cases, in words.
 pub(super) fn cases(runs: &[Run]) -> String {
-    let mut sets: Vec<(&str, Vec<&str>)> = Vec::new();
+    let mut sets: IndexMap<&str, BTreeSet<&str>> = IndexMap::new();
     for run in runs {
-        match sets.iter_mut().find(|set| set.0 == run.set) {
-            Some((_, cases)) if cases.contains(&run.case.as_str()) => {}
-            Some((_, cases)) => cases.push(&run.case),
-            None => sets.push((&run.set, vec![&run.case])),
-        }
+        sets.entry(&run.set).or_default().insert(&run.case);
     }
     let words = sets.iter().map(|(set, cases)| match cases.len() {
         1 => format!("{set} (1 case)"),
@@ -53,12 +51,8 @@ pub(super) fn cases(runs: &[Run]) -> String {
 
 /// Position errors after each number of frames, and over whole runs.
 pub fn after(summaries: &[Summary]) -> Columns {
-    let mut frames: Vec<usize> = Vec::new();
-    for at in summaries.iter().flat_map(|summary| &summary.after) {
-        frames.push(at.frame);
-    }
-    frames.sort_unstable();
-    frames.dedup();
+    let frames = summaries.iter().flat_map(|summary| &summary.after);
+    let frames: BTreeSet<usize> = frames.map(|at| at.frame).collect();
     let mut headings = vec!["position RMSE (mm)".to_owned()];
     headings.extend(frames.iter().map(|k| format!("k = {k}")));
     headings.push("whole runs".to_owned());
@@ -172,12 +166,9 @@ fn both_errors(what: &str, runs: &[Run], of: impl Fn(&Run) -> String) -> String 
         .iter()
         .filter(|run| run.frames.iter().any(|at| at.errors.is_some()));
     let known: Vec<&Run> = known.filter(|run| run.is_whole).collect();
-    let mut values: Vec<String> = Vec::new();
-    for run in &known {
-        let value = of(run);
-        if !values.contains(&value) {
-            values.push(value);
-        }
+    let mut values: IndexMap<String, Vec<&Run>> = IndexMap::new();
+    for &run in &known {
+        values.entry(of(run)).or_default().push(run);
     }
     if values.len() < 2 {
         return String::new();
@@ -185,13 +176,8 @@ fn both_errors(what: &str, runs: &[Run], of: impl Fn(&Run) -> String) -> String 
     let methods = summaries(&known);
     let mut headings = vec![what.to_owned()];
     headings.extend(methods.iter().map(named));
-    let row = |value: &String| {
-        let here: Vec<&Run> = known
-            .iter()
-            .copied()
-            .filter(|run| of(run) == *value)
-            .collect();
-        let here = summaries(&here);
+    let row = |(value, here): (&String, &Vec<&Run>)| {
+        let here = summaries(here);
         let cells = methods.iter().map(|method| {
             let own = here
                 .iter()

@@ -116,10 +116,8 @@ pub fn frame(parts: &FrameParts<'_>) -> Vec<u8> {
     for point in cloths.chain(&parts.bodies) {
         put(&mut bytes, bits(point.to_array()));
     }
-    put(
-        &mut bytes,
-        parts.gaps.iter().flatten().map(|gap| gap.to_bits()),
-    );
+    let gaps = parts.gaps.iter().flatten().map(|gap| gap.to_bits());
+    put(&mut bytes, gaps);
     bytes
 }
 

@@ -297,10 +297,8 @@ impl Session {
         let Some(live) = &mut self.showing.live else {
             return Ok(());
         };
-        let kept: Vec<Option<usize>> = all
-            .iter()
-            .map(|v| held.iter().position(|w| w == v))
-            .collect();
+        let kept = all.iter().map(|v| held.iter().position(|w| w == v));
+        let kept: Vec<Option<usize>> = kept.collect();
         live.set_handles(handles, &kept)?;
         let places = live.places();
         self.control.hands = self.control.hands.rearranged(&places, &kept);
@@ -335,9 +333,8 @@ impl Session {
             return;
         };
         let frames = recorder.state().frames;
-        let written = recorder
-            .finish(live)
-            .and_then(|tracks| self.recordings.destination.write(tracks));
+        let written = recorder.finish(live);
+        let written = written.and_then(|tracks| self.recordings.destination.write(tracks));
         match written {
             Ok(written) => {
                 let files = written.files.iter();
@@ -345,10 +342,8 @@ impl Session {
                 self.recordings.replay = Some(written.replay);
                 self.recordings.files = written.files;
                 let names = names.join(" and ");
-                self.notify(
-                    Level::Good,
-                    format!("{why}wrote {frames} frames to {names}"),
-                );
+                let wrote = format!("{why}wrote {frames} frames to {names}");
+                self.notify(Level::Good, wrote);
             }
             Err(error) => self.notify(Level::Bad, error.to_string()),
         }

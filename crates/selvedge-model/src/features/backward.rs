@@ -62,6 +62,10 @@ pub(crate) fn features_backward(
             NodeFeature::KineticEnergy => kinetic_energy(graph, pose, rows, to),
             // Of handles alone.
             NodeFeature::NodeType | NodeFeature::HandleAcceleration => {}
+            // Taken as given: the nearest point jumps.
+            NodeFeature::Nearness
+            | NodeFeature::ContactAcceleration
+            | NodeFeature::ContactVelocity => {}
         }
         first += feature.width();
     }

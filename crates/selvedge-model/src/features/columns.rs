@@ -12,6 +12,7 @@
 use glam::Vec3;
 
 use crate::graph::frame::Yaw;
+use crate::graph::surroundings::Near;
 use crate::graph::{ClothGraph, Hinge};
 use crate::spec::{EdgeFeature, ModelSpec, NodeFeature};
 
@@ -46,6 +47,11 @@ impl NodeFeature {
                 "external acceleration y", "external acceleration z"],
             Self::HandleAcceleration => columns!["m/frame²": "handle acceleration x",
                 "handle acceleration y", "handle acceleration z"],
+            Self::Nearness => columns!["": "nearness x", "nearness y", "nearness z"],
+            Self::ContactAcceleration => columns!["m/frame²": "contact acceleration x",
+                "contact acceleration y", "contact acceleration z"],
+            Self::ContactVelocity => columns!["m/frame": "contact velocity x",
+                "contact velocity y", "contact velocity z"],
         }
     }
 
@@ -158,6 +164,7 @@ pub(crate) fn features(
     assert_eq!(pose.previous.len(), vertices, "previous positions");
     assert_eq!(pose.current.len(), vertices, "current positions");
     assert_eq!(nodes.len(), vertices * width, "node features");
+    let near = near(spec, graph, pose);
     let mut first = 0;
     for &feature in &spec.node_features {
         let rows = &mut *nodes;
@@ -171,6 +178,9 @@ pub(crate) fn features(
             NodeFeature::KineticEnergy => kinetic_energy(graph, pose, columns),
             NodeFeature::NodeType => node_type(graph, columns),
             NodeFeature::HandleAcceleration => handle_acceleration(graph, pose, columns),
+            NodeFeature::Nearness => of_near(&near, pose, |near| near.nearness, columns),
+            NodeFeature::ContactAcceleration => of_near(&near, pose, |near| near.push, columns),
+            NodeFeature::ContactVelocity => of_near(&near, pose, |near| near.velocity, columns),
         }
         first += feature.width();
     }
@@ -310,6 +320,25 @@ fn handle_acceleration(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColum
             let change = (next - pose.current[v]) - (pose.current[v] - pose.previous[v]);
             out.put(v, pose.yaw.to_local(change).to_array());
         }
+    }
+}
+
+/// What each vertex sees of what it could touch, where a feature is made from that.
+fn near(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>) -> Vec<Near> {
+    match graph.surroundings().filter(|_| spec.sees_bodies()) {
+        Some(surroundings) => surroundings.near(pose.previous, pose.current),
+        None => vec![Near::default(); pose.current.len()],
+    }
+}
+
+fn of_near(
+    near: &[Near],
+    pose: Pose<'_>,
+    vector: impl Fn(&Near) -> Vec3,
+    mut out: FeatureColumns<&mut [f32]>,
+) {
+    for (v, near) in near.iter().enumerate() {
+        out.put(v, pose.yaw.to_local(vector(near)).to_array());
     }
 }
 

@@ -6,11 +6,14 @@
 //! or several, is in `connectivity`.
 
 use glam::{Vec2, Vec3};
-use selvedge_cloth::{Cloth, Environment, Handles, Material, Scene, Topology, VertexId};
+use selvedge_cloth::{
+    Cloth, ContactSettings, Environment, Handles, Material, Obstacle, Scene, Topology, VertexId,
+};
 use thiserror::Error;
 
 use crate::graph::connectivity::{Connectivity, edge_arcs};
 use crate::graph::frame::LocalFrame;
+use crate::graph::surroundings::Surroundings;
 use crate::graph::weave::Weave;
 
 /// An edge between two faces. `from` → `to` runs counter-clockwise in the face of `left`, and
@@ -52,6 +55,8 @@ pub struct ClothGraph {
     rest_lengths: Vec<f32>,
     /// Elasticity of the fabrics, where these are known.
     weave: Option<Weave>,
+    /// What it could touch, if anything.
+    surroundings: Option<Surroundings>,
 }
 
 /// An environment or a frame rate that the features cannot express.
@@ -101,6 +106,7 @@ impl ClothGraph {
             first_frame: 0,
             frame_rate,
             weave: None,
+            surroundings: None,
         })
     }
 
@@ -111,10 +117,14 @@ impl ClothGraph {
         self
     }
 
-    /// Lets the step from `frame` of the run to the next be the present one: its wind blows.
+    /// Lets the step from `frame` of the run to the next be the present one: its wind blows, and bodies are
+    /// where they are in it.
     pub fn set_step(&mut self, frame: usize) {
         let frame = self.first_frame + frame;
         self.environment = self.weather.during_step(frame, self.frame_rate);
+        if let Some(surroundings) = &mut self.surroundings {
+            surroundings.set_step(frame, self.frame_rate);
+        }
     }
 
     /// The same with its fabrics known, which some features are made from
@@ -133,7 +143,30 @@ impl ClothGraph {
         Ok(self)
     }
 
-    /// The graph of `cloth` in a scene, with its environment and its fabrics.
+    /// The same among bodies that it touches, and itself.
+    pub fn among(mut self, contact: ContactSettings, obstacles: &[Obstacle]) -> Self {
+        let made = Surroundings::new(self.topology(), contact, obstacles, self.frame_rate);
+        self.surroundings = Some(made);
+        self.set_step(0);
+        self
+    }
+
+    /// True where it touches bodies or itself.
+    pub fn has_contact(&self) -> bool {
+        self.surroundings.is_some()
+    }
+
+    /// True where a body around it moves.
+    pub fn has_moving_bodies(&self) -> bool {
+        self.surroundings.as_ref().is_some_and(Surroundings::vary)
+    }
+
+    /// What it could touch.
+    pub(crate) fn surroundings(&self) -> Option<&Surroundings> {
+        self.surroundings.as_ref()
+    }
+
+    /// The graph of `cloth` in a scene, with its environment, its fabrics and what it touches.
     ///
     /// # Errors
     /// As of [`Self::new`] and [`Self::with_materials`].
@@ -143,7 +176,12 @@ impl ClothGraph {
             .into_iter()
             .map(|number| materials[number])
             .collect();
-        Self::new(cloth, scene.environment, scene.frame_rate)?.with_materials(&faces)
+        let graph = Self::new(cloth, scene.environment, scene.frame_rate)?;
+        let graph = graph.with_materials(&faces)?;
+        Ok(match scene.contact {
+            Some(contact) => graph.among(contact, &scene.obstacles),
+            None => graph,
+        })
     }
 
     /// True where the fabrics are known.

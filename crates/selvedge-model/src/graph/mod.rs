@@ -6,6 +6,7 @@ pub(crate) mod connectivity;
 pub(crate) mod frame;
 pub mod geometry;
 pub(crate) mod partition;
+pub(crate) mod surroundings;
 pub(crate) mod weave;
 
 pub use cloth_graph::{ClothGraph, GraphError, Hinge};

@@ -75,8 +75,9 @@ impl<V: Copy + Add<Output = V> + Sub<Output = V>> TwoFrames<'_, V> {
     }
 }
 
-/// Sets `next` to the frame after `frames` (in the world): the acceleration is integrated, and
-/// handles take their targets `next_handles`.
+/// Sets `next` to the frame after `frames` (in the world): the acceleration is integrated, handles take
+/// their targets `next_handles`, and what the cloth touches keeps it at the thickness of contact
+/// `[eq:separation]`.
 ///
 /// # Errors
 /// [`NonFinite`] names the first vertex whose position is not finite.
@@ -93,6 +94,9 @@ pub fn advance(
     let rows = rows.as_chunks::<3>().0.iter();
     let accelerations = rows.map(|a| yaw.to_world(Vec3::from_array(*a)));
     frames.moved(accelerations, next_handles.iter().copied(), next);
+    if let Some(surroundings) = frames.graph.surroundings() {
+        surroundings.keep_apart(frames.current, next, frames.graph.handle_mask());
+    }
     require_finite(next)
 }
 

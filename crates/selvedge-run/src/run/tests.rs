@@ -262,10 +262,7 @@ fn a_network_begins_at_rest_and_says_what_it_leaves_out() {
     built.environment.wind = DVec3::X * 9.0;
     let run = Run::of_model(&Scene::of(built), &paper()).unwrap();
     let said = run.warnings().join("\n");
-    assert!(
-        said.contains("contact: a learned model does not see"),
-        "{said}"
-    );
+    assert!(said.contains("contact: this model does not see"), "{said}");
     assert!(said.contains("beyond training: wind"), "{said}");
     let arcsim = scene("physics = \"arcsim\"\n");
     let rest = arcsim.rest_pose(&mut ignore_events).unwrap();

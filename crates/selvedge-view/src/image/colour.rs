@@ -81,18 +81,9 @@ static ENCODED: LazyLock<Vec<u8>> = LazyLock::new(|| {
 });
 
 /// From linear light to sRGB bytes, by a table.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Encoder(&'static [u8]);
-
-impl Encoder {
-    pub(crate) fn new() -> Self {
-        Self(&ENCODED)
-    }
-
-    #[inline]
-    pub(crate) fn encode(self, light: Linear16) -> Rgb {
-        light.map(|channel| self.0[usize::from(channel >> 4)])
-    }
+pub(crate) fn encoder() -> impl Fn(Linear16) -> Rgb {
+    let table: &[u8] = &ENCODED;
+    |light| light.map(|channel| table[usize::from(channel >> 4)])
 }
 
 #[cfg(test)]
@@ -122,9 +113,9 @@ mod tests {
 
     #[test]
     fn encoding_inverts_the_transfer_curve() {
-        let encoder = Encoder::new();
+        let encode = encoder();
         for byte in 0..=255_u8 {
-            let back = encoder.encode(to_linear16(to_linear([byte; 3]).into()))[0];
+            let back = encode(to_linear16(to_linear([byte; 3]).into()))[0];
             // Near black a 4096th of light is 0.8 of a byte: one byte off at the most.
             assert!(back.abs_diff(byte) <= 1, "{byte} came back as {back}");
         }

@@ -1,5 +1,7 @@
 //! Numbers to colour a cloth by: one per vertex and frame, and the range that the colours span.
 
+use glam::Vec3;
+
 use super::run::Run;
 use crate::ViewError;
 
@@ -38,18 +40,12 @@ impl ScalarField {
     /// The distance of each vertex of `prediction` from the same vertex of `truth` `[mm]`.
     pub fn distance(truth: &Run<'_>, prediction: &Run<'_>) -> Result<Self, ViewError> {
         truth.check_match(prediction, ["truth", "prediction"])?;
-        let values = truth
-            .frames()
-            .iter()
-            .zip(prediction.frames())
-            .map(|(a, b)| {
-                a.iter()
-                    .zip(*b)
-                    .map(|(p, q)| 1e3 * p.distance(*q))
-                    .collect()
-            })
-            .collect();
-        Self::new("distance from truth [mm]", values)
+        let of_frame = |(a, b): (&&[Vec3], &&[Vec3])| {
+            let pairs = a.iter().zip(*b);
+            pairs.map(|(p, q)| 1e3 * p.distance(*q)).collect()
+        };
+        let frames = truth.frames().iter().zip(prediction.frames());
+        Self::new("distance from truth [mm]", frames.map(of_frame).collect())
     }
 
     /// The name of the numbers, with the unit.
@@ -93,17 +89,13 @@ fn round_up(value: f32) -> f32 {
     }
     let power = 10.0_f64.powf(f64::from(value).log10().floor());
     let steps = [1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0];
-    let rounded = steps
-        .into_iter()
-        .map(|step| (step * power) as f32)
-        .find(|&candidate| candidate >= value);
-    rounded.unwrap_or(value)
+    let mut rounded = steps.into_iter().map(|step| (step * power) as f32);
+    rounded.find(|&rounded| rounded >= value).unwrap_or(value)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::Vec3;
     use selvedge_cloth::Topology;
 
     #[test]

@@ -3,16 +3,6 @@
 use super::run::Run;
 use crate::{ScalarField, ViewError};
 
-/// The colouring of a cloth.
-#[derive(Clone, Copy, Debug, Default)]
-pub enum Colouring<'a> {
-    /// As cloth: in the colour of the run, or indigo in front and ecru at the back.
-    #[default]
-    Plain,
-    /// By a number per vertex.
-    PerVertex(&'a ScalarField),
-}
-
 /// A run with the label and the colours in which it is shown.
 #[derive(Clone, Copy, Debug)]
 pub struct Panel<'a> {
@@ -20,16 +10,18 @@ pub struct Panel<'a> {
     pub label: &'a str,
     /// The motion.
     pub run: &'a Run<'a>,
-    /// The colours.
-    pub colouring: Colouring<'a>,
+    /// The number per vertex that it is coloured by; without, it is drawn as cloth: in the colour of
+    /// the run, or indigo in front and ecru at the back.
+    pub field: Option<&'a ScalarField>,
 }
 
 impl<'a> Panel<'a> {
-    /// The numbers that it is coloured by, if any.
-    pub(crate) fn field(&self) -> Option<&'a ScalarField> {
-        match self.colouring {
-            Colouring::Plain => None,
-            Colouring::PerVertex(field) => Some(field),
+    /// A run drawn as cloth, without a label.
+    pub fn of(run: &'a Run<'a>) -> Self {
+        Self {
+            label: "",
+            run,
+            field: None,
         }
     }
 }
@@ -40,7 +32,7 @@ pub(crate) fn check_panels(panels: &[Panel<'_>]) -> Result<(), ViewError> {
     for panel in panels {
         let labels = [first.label, panel.label];
         first.run.check_clock(panel.run, labels)?;
-        if let Some(field) = panel.field() {
+        if let Some(field) = panel.field {
             field.check_fits(panel.run)?;
         }
     }
@@ -60,14 +52,9 @@ mod tests {
         let short = Run::new(&topology, [&still[..]], &[], 60.0).unwrap();
         let long = Run::new(&topology, [&still[..], &still[..]], &[], 60.0).unwrap();
         let field = ScalarField::new("error", vec![vec![0.0; 2]; 2]).unwrap();
-        let panel = |label, run, colouring| Panel {
-            label,
-            run,
-            colouring,
-        };
-        let plain = Colouring::Plain;
-        let two = [panel("a", &short, plain), panel("b", &long, plain)];
-        let coloured = [panel("b", &long, Colouring::PerVertex(&field))];
+        let panel = |label, run, field| Panel { label, run, field };
+        let two = [panel("a", &short, None), panel("b", &long, None)];
+        let coloured = [panel("b", &long, Some(&field))];
         let unequal =
             "panel \"b\" has 2 frames, but panel \"a\" has 1: panels side by side must match";
         for (panels, words) in [

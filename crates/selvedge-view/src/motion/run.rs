@@ -21,8 +21,10 @@ pub struct Run<'a> {
     handles: &'a [VertexId],
     frame_rate: f64,
     bodies: Vec<Body<'a>>,
-    colour: Option<Rgb>,
-    fabric: Vec<[Vec2; 3]>,
+    /// The colour of the cloth's front, where it is said.
+    pub(crate) colour: Option<Rgb>,
+    /// The places of each face's corners on the fabric `[m]`; none where they are not said.
+    pub(crate) fabric: Vec<[Vec2; 3]>,
 }
 
 impl<'a> Run<'a> {
@@ -77,24 +79,11 @@ impl<'a> Run<'a> {
         self
     }
 
-    /// The places of each face's corners on the fabric `[m]`; none where they are not said.
-    pub(crate) fn fabric(&self) -> &[[Vec2; 3]] {
-        &self.fabric
-    }
-
-    /// The colour of the cloth's front, where it is said.
-    pub(crate) fn colour(&self) -> Option<Rgb> {
-        self.colour
-    }
-
     /// The same run with bodies beside the cloth, still or with as many frames.
     pub fn with_bodies(mut self, bodies: Vec<Body<'a>>) -> Self {
         let frames = [1, self.frames.len()];
-        debug_assert!(
-            bodies
-                .iter()
-                .all(|body| frames.contains(&body.frame_count()))
-        );
+        let fits = |body: &Body<'_>| frames.contains(&body.frame_count());
+        debug_assert!(bodies.iter().all(fits));
         self.bodies = bodies;
         self
     }

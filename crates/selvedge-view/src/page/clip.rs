@@ -36,7 +36,7 @@ impl Default for ClipSettings {
 
 /// Time between two pictures `[ms]`: a multiple of 10, and not under 20, as viewers slow down what is
 /// faster.
-pub const DELAY_MS: u16 = 50;
+const DELAY_MS: u16 = 50;
 /// Pictures that the palette is chosen from.
 const PALETTE_SAMPLES: usize = 8;
 /// A pixel that is nearer than this to what is shown stays: two or three levels per channel, which
@@ -56,8 +56,7 @@ pub fn write_clip(
     progress: &mut dyn FnMut() -> ControlFlow<()>,
 ) -> Result<ControlFlow<()>, ViewError> {
     check_panels(panels)?;
-    check_length(panels[0].run)?;
-    let frames = frames_at(panels[0].run);
+    let frames = frames_at(panels[0].run)?;
     let mut studio = Studio::new(title, panels, settings)?;
     let palette = studio.palette(&frames)?;
     let [width, height] = studio.size();
@@ -82,37 +81,30 @@ pub fn write_clip(
 }
 
 /// The frame nearest to each multiple of the delay, to the end of the run.
-fn frames_at(run: &Run<'_>) -> Vec<usize> {
-    let last = run.frames().len() - 1;
-    let per_picture = frames_per_picture(run);
-    let count = delays_in(run) as usize + 1;
-    (0..count)
-        .map(|k| ((k as f64 * per_picture).round() as usize).min(last))
-        .collect()
-}
-
-/// Checks that the pictures can be counted and drawn.
-fn check_length(run: &Run<'_>) -> Result<(), ViewError> {
-    if delays_in(run) < MOST_PICTURES as f64 {
-        return Ok(());
-    }
+///
+/// # Errors
+/// More pictures than can be drawn.
+fn frames_at(run: &Run<'_>) -> Result<Vec<usize>, ViewError> {
     let (frames, rate) = (run.frames().len(), run.frame_rate());
-    let expected = "of at most 1000000 pictures (mend the frame rate)";
-    let found = format!("{frames} frames at {rate:e} frames per second");
-    Err(ViewError::setting("the clip", expected, found))
-}
-
-/// The length of the run in delays.
-fn delays_in(run: &Run<'_>) -> f64 {
-    match run.frames().len() - 1 {
-        0 => 0.0,
-        // Half a thousandth of a picture: 3 s at 50 ms must not lose its last one to rounding.
-        last => last as f64 / frames_per_picture(run) + 5e-4,
+    let count = pictures_in(frames, rate);
+    if count > MOST_PICTURES {
+        let expected = "of at most 1000000 pictures (mend the frame rate)";
+        let found = format!("{frames} frames at {rate:e} frames per second");
+        return Err(ViewError::setting("the clip", expected, found));
     }
+    let nearest = |k: usize| (k as f64 * frames_per_picture(rate)).round() as usize;
+    Ok((0..count).map(|k| nearest(k).min(frames - 1)).collect())
 }
 
-fn frames_per_picture(run: &Run<'_>) -> f64 {
-    f64::from(DELAY_MS) * 1e-3 * run.frame_rate()
+/// Number of pictures of a clip of so many `frames`, `frame_rate` `[1/s]`.
+pub fn pictures_in(frames: usize, frame_rate: f64) -> usize {
+    let delays = frames.saturating_sub(1) as f64 / frames_per_picture(frame_rate);
+    // Half a thousandth of a picture: 3 s at 50 ms must not lose its last one to rounding.
+    ((delays + 5e-4) as usize).saturating_add(1)
+}
+
+fn frames_per_picture(frame_rate: f64) -> f64 {
+    f64::from(DELAY_MS) * 1e-3 * frame_rate
 }
 
 /// Makes the pictures of a clip.

@@ -50,12 +50,8 @@ pub(crate) fn draw_colour_bar(
         colour: INK,
         align: Align::Left,
     };
-    draw_text(
-        image,
-        field.name(),
-        [left as f32, top as f32 + caption],
-        &style,
-    );
+    let place = [left as f32, top as f32 + caption];
+    draw_text(image, field.name(), place, &style);
     let name = text_width(field.name(), caption) + 1.2 * caption;
     let start = left + name as u32;
     for column in 0..measures.width {
@@ -72,12 +68,8 @@ pub(crate) fn draw_colour_bar(
             align: Align::Centre,
             ..style
         };
-        draw_text(
-            image,
-            &number(low + share * (high - low)),
-            [x, base],
-            &style,
-        );
+        let text = number(low + share * (high - low));
+        draw_text(image, &text, [x, base], &style);
     }
 }
 

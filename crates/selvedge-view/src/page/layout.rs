@@ -33,7 +33,7 @@ impl<'a> Page<'a> {
     ) -> Result<Self, ViewError> {
         check_size("tile", tile)?;
         let mut fields: Vec<&ScalarField> = Vec::new();
-        for field in panels.iter().filter_map(Panel::field) {
+        for field in panels.iter().filter_map(|panel| panel.field) {
             if !fields.iter().any(|known| std::ptr::eq(*known, field)) {
                 fields.push(field);
             }

@@ -100,7 +100,6 @@ pub(crate) fn clock(run: &Run<'_>, frame: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Colouring;
     use glam::Vec3;
     use selvedge_cloth::Topology;
 
@@ -122,8 +121,7 @@ mod tests {
         let run = Run::new(&topology, slices, &[], 60.0).unwrap();
         let panels = ["truth", "prediction"].map(|label| Panel {
             label,
-            run: &run,
-            colouring: Colouring::Plain,
+            ..Panel::of(&run)
         });
         let settings = SheetSettings {
             tile: [60, 50],

@@ -7,7 +7,6 @@
 //! blurred.
 
 use glam::{Vec2, Vec3, Vec3A};
-use selvedge_cloth::Topology;
 
 use crate::Rgb;
 use crate::image::colour::{Linear16, to_linear, to_linear16};
@@ -58,16 +57,9 @@ impl Backdrop {
         }
     }
 
-    /// Casts the shadow of a frame, and of the faces of bodies in it.
-    pub(crate) fn cast_shadow(
-        &mut self,
-        topology: &Topology,
-        positions: &[Vec3],
-        bodies: &[[Vec3; 3]],
-    ) {
-        let cloth = topology.faces().iter();
-        let cloth = cloth.map(|face| face.map(|vertex| positions[vertex.index()]));
-        self.shadow.update(cloth.chain(bodies.iter().copied()));
+    /// Casts the shadow of the faces of a frame `[m]`.
+    pub(crate) fn cast_shadow(&mut self, faces: &[[Vec3; 3]]) {
+        self.shadow.update(faces);
     }
 
     /// The colour of a pixel, in linear light.
@@ -97,7 +89,7 @@ fn wall_and_floor(stage: &Stage, ray: Vec3) -> Vec3A {
     } else {
         horizon.lerp(near, smooth(-ray.y / 0.55))
     };
-    let aside = ray.cross(stage.camera.backward()).length_squared();
+    let aside = ray.cross(stage.camera.backward).length_squared();
     (colour * (1.0 - 0.55 * aside)).into()
 }
 
@@ -141,7 +133,7 @@ impl ShadowMap {
 
     /// The place in the map `[cells]` where `ray` meets the floor, or NaN.
     fn place_seen(&self, stage: &Stage, ray: Vec3) -> Vec2 {
-        let eye = stage.camera.position();
+        let eye = stage.camera.position;
         let reach = (self.floor - eye.y) / ray.y;
         let met = eye + reach * ray;
         let place = (Vec2::new(met.x, met.z) - self.origin) / self.cell;
@@ -150,7 +142,7 @@ impl ShadowMap {
         if inside { place } else { Vec2::NAN }
     }
 
-    fn update(&mut self, faces: impl Iterator<Item = [Vec3; 3]>) {
+    fn update(&mut self, faces: &[[Vec3; 3]]) {
         self.dark.fill(0.0);
         self.touch.fill(0.0);
         for face in faces {
@@ -249,6 +241,7 @@ fn blur_line(from: &[f32], to: &mut [f32], [stride, count]: [usize; 2], radius: 
 mod tests {
     use super::*;
     use crate::Run;
+    use selvedge_cloth::Topology;
 
     #[test]
     fn a_moving_mean_keeps_the_sum_and_spreads_it_evenly() {
@@ -273,7 +266,7 @@ mod tests {
         let run = Run::new(&topology, [&corners[..]], &[], 60.0).unwrap();
         let stage = Stage::of_runs(&[&run], crate::View::default(), 1.0).unwrap();
         let mut shadow = ShadowMap::new(&stage);
-        shadow.update(std::iter::once(corners));
+        shadow.update(&[corners]);
         let place = |point| (cast(point, shadow.light, shadow.floor) - shadow.origin) / shadow.cell;
         let centre = (corners[0] + corners[1] + corners[2]) / 3.0;
         // The blurs reach 24 cells; the centre lies farther inside, a place 0.9 m aside outside.
@@ -290,7 +283,7 @@ mod tests {
         let mut shadow = ShadowMap::new(&stage);
         let mut sum_and_most = |height: f32| {
             let face = corners.map(|p| Vec3::new(0.2 * p.x, shadow.floor + height, 0.2 * p.z));
-            shadow.update(std::iter::once(face));
+            shadow.update(&[face]);
             let most = shadow.dark.iter().copied().fold(0.0, f32::max);
             (shadow.dark.iter().sum::<f32>(), most)
         };

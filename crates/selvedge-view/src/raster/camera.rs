@@ -57,10 +57,13 @@ pub(crate) const MARGIN: f32 = 0.07;
 /// A perspective camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Camera {
-    position: Vec3,
-    right: Vec3,
+    /// `[m]`
+    pub(crate) position: Vec3,
+    /// Unit vector to the right of the picture.
+    pub(crate) right: Vec3,
     up: Vec3,
-    backward: Vec3,
+    /// Unit vector towards the viewer.
+    pub(crate) backward: Vec3,
     tangents: Vec2,
 }
 
@@ -119,11 +122,6 @@ impl View {
 }
 
 impl Camera {
-    /// Position of the camera `[m]`.
-    pub(crate) fn position(&self) -> Vec3 {
-        self.position
-    }
-
     /// Projects `point` `[m]` into the picture.
     pub(crate) fn project(&self, point: Vec3) -> Projected {
         let offset = point - self.position;
@@ -151,16 +149,6 @@ impl Camera {
             ..self
         }
     }
-
-    /// Unit vector to the right of the picture.
-    pub(crate) fn right(&self) -> Vec3 {
-        self.right
-    }
-
-    /// Unit vector towards the viewer.
-    pub(crate) fn backward(&self) -> Vec3 {
-        self.backward
-    }
 }
 
 #[cfg(test)]
@@ -180,7 +168,7 @@ mod tests {
             .into_iter()
             .flat_map(|y| [-1.0_f32, 1.0].map(|z| Vec3::new(0.0, y, z)));
         let camera = view.fit(corners, 1.0);
-        assert!(camera.position().distance(distance * Vec3::X) < 1e-5);
+        assert!(camera.position.distance(distance * Vec3::X) < 1e-5);
         // From +x with y up, +z lies to the left.
         let expected = 0.5 - 0.25 * inner;
         let seen = camera.project(Vec3::new(0.0, 0.5, 0.5));

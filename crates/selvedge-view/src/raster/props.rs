@@ -33,9 +33,8 @@ fn area(face: &[u32; 3], points: &[Vec3]) -> Vec3 {
 /// The place of a point, to find the others there.
 fn key(points: &[Vec3], corner: u32) -> [u32; 3] {
     // Minus zero is zero.
-    points[corner as usize]
-        .to_array()
-        .map(|x| (x + 0.0).to_bits())
+    let point = points[corner as usize].to_array();
+    point.map(|x| (x + 0.0).to_bits())
 }
 
 /// The faces around each place.
@@ -43,10 +42,8 @@ fn faces_around(faces: &[[u32; 3]], points: &[Vec3]) -> HashMap<[u32; 3], Vec<u3
     let mut around: HashMap<_, Vec<u32>> = HashMap::with_capacity(points.len());
     for (number, face) in faces.iter().enumerate() {
         for &corner in face {
-            around
-                .entry(key(points, corner))
-                .or_default()
-                .push(number as u32);
+            let here = around.entry(key(points, corner)).or_default();
+            here.push(number as u32);
         }
     }
     around
@@ -103,20 +100,13 @@ impl Props {
             self.normals.push(normals);
             return;
         }
-        let [a, b, c] = [side, (side + 1) % 3, (side + 2) % 3];
+        let [a, b] = [side, (side + 1) % 3];
         let middle = 0.5 * (corners[a] + corners[b]);
         let normal = (normals[a] + normals[b]).normalize_or_zero();
-        let halves = [
-            (
-                [corners[a], middle, corners[c]],
-                [normals[a], normal, normals[c]],
-            ),
-            (
-                [middle, corners[b], corners[c]],
-                [normal, normals[b], normals[c]],
-            ),
-        ];
-        for (corners, normals) in halves {
+        // Each half has the middle in place of the corner at the other end.
+        for end in [b, a] {
+            let (mut corners, mut normals) = (corners, normals);
+            (corners[end], normals[end]) = (middle, normal);
             self.add(corners, normals, longest, cuts - 1);
         }
     }

@@ -32,6 +32,9 @@ const QUARTERS: [[[usize; 2]; 3]; 4] = [
     [[1, 0], [1, 1], [1, 2]],
 ];
 
+/// Longest edge of a body's face, as a part of how far away the camera is.
+const LONGEST: f32 = 0.2;
+
 /// Draws frames of one size from one stage; keeps its buffers between frames.
 #[derive(Clone, Debug)]
 pub struct Renderer {
@@ -80,26 +83,26 @@ impl Renderer {
         let Some(&positions) = frames.get(frame) else {
             return Err(ViewError::no_frame(frame, frames.len()));
         };
-        self.shader.dye(panel.run.colour());
-        let topology = panel.run.topology();
-        let field = panel.field();
+        self.shader.dye(panel.run.colour);
+        let (topology, field) = (panel.run.topology(), panel.field);
         let values = field.map(|field| field.values()[frame].as_slice());
         let colours = field.map(|field| ValueColours::new(field.range()));
 
         self.surface.update(topology, positions);
-        self.props
-            .update(panel.run.props(), frame, self.longest_face());
-        self.sun.update(topology, positions, &self.props.faces);
+        let longest = LONGEST * self.distance;
+        self.props.update(panel.run.props(), frame, longest);
+        let cloth = topology.faces().iter();
+        let cloth = cloth.map(|face| face.map(|vertex| positions[vertex.index()]));
+        let faces: Vec<[Vec3; 3]> = cloth.chain(self.props.faces.iter().copied()).collect();
+        self.sun.update(&faces);
+        self.backdrop.cast_shadow(&faces);
         self.place_vertices(topology, positions, values);
-        self.props
-            .place(&self.camera, &self.sun, self.samples.extent());
-        self.backdrop
-            .cast_shadow(topology, positions, &self.props.faces);
-        let marker = Marker {
-            scale: self.line_scale(),
-        };
+        let extent = self.samples.extent();
+        self.props.place(&self.camera, &self.sun, extent);
+        let scale = self.line_scale();
+        let marker = Marker { scale };
         self.clear(marker.reach());
-        self.fill_faces(topology, panel.run.fabric(), colours.as_ref());
+        self.fill_faces(topology, &panel.run.fabric, colours.as_ref());
         self.props.fill(&mut self.samples, &self.shader, &self.sun);
         let tint = field.map(|_| self.shader.value_border);
         let (samples, vertices) = (&mut self.samples, &self.vertices);
@@ -111,9 +114,8 @@ impl Renderer {
     /// Empties the last picture, and bounds this one by the vertices.
     fn clear(&mut self, reach: f32) {
         let ahead = self.vertices.iter().filter(|v| v.nearness > 0.0);
-        let vertices = ahead.map(|vertex| vertex.place);
-        self.samples
-            .clear(vertices.chain(self.props.places()), reach);
+        let places = ahead.map(|vertex| vertex.place).chain(self.props.places());
+        self.samples.clear(places, reach);
     }
 
     fn place_vertices(&mut self, topology: &Topology, positions: &[Vec3], values: Option<&[f32]>) {
@@ -187,11 +189,6 @@ impl Renderer {
         }
     }
 
-    /// Longest edge of a body's face `[m]`: a part of how far away the camera is.
-    fn longest_face(&self) -> f32 {
-        0.2 * self.distance
-    }
-
     /// Samples per pixel of line width.
     fn line_scale(&self) -> f32 {
         let shorter = self.size[0].min(self.size[1]) as f32;
@@ -203,7 +200,7 @@ impl Renderer {
 fn distance_to(stage: &Stage) -> f32 {
     let middle = 0.5 * (stage.shadow_low + stage.shadow_high);
     let place = Vec3::new(middle.x, stage.floor, middle.y);
-    stage.camera.position().distance(place).max(1e-3)
+    stage.camera.position.distance(place).max(1e-3)
 }
 
 #[cfg(test)]

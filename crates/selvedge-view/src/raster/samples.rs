@@ -10,7 +10,7 @@ use glam::{Vec2, Vec3A};
 
 use super::backdrop::Backdrop;
 use super::triangle::{Triangle, bounds};
-use crate::image::colour::{Encoder, Linear16, to_linear16};
+use crate::image::colour::{Linear16, encoder, to_linear16};
 use crate::{Image, ViewError};
 
 /// The samples of pictures of one size; kept between frames to keep the memory.
@@ -20,7 +20,6 @@ pub(crate) struct Samples {
     size: [u32; 2],
     /// Samples along a side of a pixel.
     factor: u32,
-    encoder: Encoder,
     /// 1/depth of each sample `[1/m]`; 0 where no surface is.
     nearness: Vec<f32>,
     light: Vec<Linear16>,
@@ -35,7 +34,6 @@ impl Samples {
         Self {
             size,
             factor,
-            encoder: Encoder::new(),
             nearness: vec![0.0; count],
             light: vec![[0; 3]; count],
             touched: [0..0, 0..0],
@@ -118,7 +116,7 @@ impl Samples {
     pub(crate) fn resolve(&self, backdrop: &Backdrop) -> Result<Image, ViewError> {
         let [width, height] = self.size;
         let mut image = Image::filled(width, height, [0; 3])?;
-        let factor = self.factor as usize;
+        let (factor, encode) = (self.factor as usize, encoder());
         let [columns, rows] = self
             .touched
             .clone()
@@ -130,7 +128,7 @@ impl Samples {
             } else {
                 backdrop.colour(pixel)
             };
-            *colour = self.encoder.encode(light);
+            *colour = encode(light);
         }
         Ok(image)
     }

@@ -53,7 +53,7 @@ pub(crate) struct Shader {
 
 impl Shader {
     pub(crate) fn new(camera: &Camera) -> Self {
-        let [eye, right] = [camera.backward(), camera.right()].map(Vec3A::from);
+        let [eye, right] = [camera.backward, camera.right].map(Vec3A::from);
         let level = Vec3A::new(eye.x, 0.0, eye.z).normalize_or(eye);
         let key = (-0.85 * right + 0.75 * Vec3A::Y + 0.12 * level).normalize();
         let fill = (0.9 * right + 0.1 * Vec3A::Y + 0.35 * level).normalize();

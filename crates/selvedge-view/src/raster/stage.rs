@@ -70,8 +70,8 @@ impl Stage {
 
     /// The stage of a camera over a floor, with the shadow of `points`.
     fn around(camera: Camera, floor: f32, points: impl Iterator<Item = Vec3>) -> Self {
-        let level = Vec3::Y.cross(camera.right()).normalize_or(Vec3::X) * -1.0;
-        let shadow_light = (Vec3::Y + 0.22 * level - 0.16 * camera.right()).normalize();
+        let level = Vec3::Y.cross(camera.right).normalize_or(Vec3::X) * -1.0;
+        let shadow_light = (Vec3::Y + 0.22 * level - 0.16 * camera.right).normalize();
         let (mut shadow_low, mut shadow_high) = (Vec2::MAX, Vec2::MIN);
         for point in points {
             let place = cast(point, shadow_light, floor);

@@ -5,7 +5,6 @@
 //! of cells gives shadows a soft edge.
 
 use glam::{Vec2, Vec3, Vec3A};
-use selvedge_cloth::Topology;
 
 /// Cells along the side of the map.
 const CELLS: usize = 320;
@@ -17,45 +16,10 @@ const SOFT: usize = 7;
 /// Most cells that the plane of a surface may rise per cell.
 const STEEPEST: f32 = 12.0;
 
-/// The light on one frame; kept between frames to keep the memory.
+/// The light on one frame: the greatest height of a surface along its direction, on a grid of square
+/// cells across it. Kept between frames to keep the memory.
 #[derive(Clone, Debug)]
 pub(crate) struct Sun {
-    towards: Vec3,
-    map: HeightMap,
-}
-
-impl Sun {
-    /// A light in the direction `towards`, a unit vector.
-    pub(crate) fn new(towards: Vec3) -> Self {
-        Self {
-            towards,
-            map: HeightMap::default(),
-        }
-    }
-
-    /// Draws the map of `positions` `[m]`, `[vertices]`, beside the faces of `bodies`.
-    pub(crate) fn update(&mut self, topology: &Topology, positions: &[Vec3], bodies: &[[Vec3; 3]]) {
-        let cloth = topology.faces().iter();
-        let cloth = cloth.map(|face| face.map(|vertex| positions[vertex.index()]));
-        let faces = cloth.chain(bodies.iter().copied());
-        self.map.draw(faces, self.towards);
-    }
-
-    /// Where the light sees a point `[m]`: a place in the map and the height, in cells.
-    pub(crate) fn place(&self, point: Vec3) -> Vec3A {
-        self.map.place(point).into()
-    }
-
-    /// The part of the light that reaches the place `lit` of a surface with this normal, in [0, 1].
-    #[inline]
-    pub(crate) fn open(&self, lit: Vec3A, normal: Vec3A) -> f32 {
-        self.map.open(lit, normal)
-    }
-}
-
-/// The greatest height of a surface along a direction, on a grid of square cells across it.
-#[derive(Clone, Debug, Default)]
-struct HeightMap {
     direction: Vec3,
     across: Vec3,
     down: Vec3,
@@ -64,17 +28,27 @@ struct HeightMap {
     heights: Vec<f32>,
 }
 
-impl HeightMap {
-    fn draw(&mut self, faces: impl Iterator<Item = [Vec3; 3]> + Clone, direction: Vec3) {
-        self.direction = direction;
-        (self.across, self.down) = direction.any_orthonormal_pair();
-        let flat = |p: Vec3| Vec2::new(p.dot(self.across), p.dot(self.down));
-        let (low, high) = faces
-            .clone()
-            .flatten()
-            .fold((Vec2::MAX, Vec2::MIN), |(low, high), p| {
-                (low.min(flat(p)), high.max(flat(p)))
-            });
+impl Sun {
+    /// A light in the direction `towards`, a unit vector.
+    pub(crate) fn new(towards: Vec3) -> Self {
+        let (across, down) = towards.any_orthonormal_pair();
+        Self {
+            direction: towards,
+            across,
+            down,
+            origin: Vec2::ZERO,
+            per_metre: 0.0,
+            heights: Vec::new(),
+        }
+    }
+
+    /// Draws the map of `faces` `[m]`.
+    pub(crate) fn update(&mut self, faces: &[[Vec3; 3]]) {
+        let (mut low, mut high) = (Vec2::MAX, Vec2::MIN);
+        for p in faces.as_flattened() {
+            let flat = Vec2::new(p.dot(self.across), p.dot(self.down));
+            (low, high) = (low.min(flat), high.max(flat));
+        }
         // Cells are left free at each side, for the look-ups around a point.
         let side = (high - low).max_element().max(1e-5);
         self.per_metre = (CELLS - 2 * SOFT) as f32 / side;
@@ -86,14 +60,15 @@ impl HeightMap {
         }
     }
 
-    /// A point in cells, and its height in cells.
-    fn place(&self, point: Vec3) -> Vec3 {
+    /// Where the light sees a point `[m]`: a place in the map and the height, in cells.
+    pub(crate) fn place(&self, point: Vec3) -> Vec3A {
         let flat = Vec2::new(point.dot(self.across), point.dot(self.down)) - self.origin;
-        (flat * self.per_metre).extend(point.dot(self.direction) * self.per_metre)
+        let height = point.dot(self.direction) * self.per_metre;
+        (flat * self.per_metre).extend(height).into()
     }
 
-    fn fill(&mut self, corners: [Vec3; 3]) {
-        let [a, b, c] = corners.map(|corner| self.place(corner));
+    fn fill(&mut self, corners: &[Vec3; 3]) {
+        let [a, b, c] = corners.map(|corner| Vec3::from(self.place(corner)));
         let [ab, ac] = [b - a, c - a];
         let doubled_area = ab.x * ac.y - ab.y * ac.x;
         if doubled_area.abs() < 1e-6 || !doubled_area.is_finite() {
@@ -115,9 +90,10 @@ impl HeightMap {
         }
     }
 
-    /// The part of the cells around a place that hide nothing of the plane of the surface there.
+    /// The part of the light that reaches a `place` of a surface with this normal, in [0, 1]: of the
+    /// cells around it, the part that hide nothing of the plane of the surface there.
     #[inline]
-    fn open(&self, place: Vec3A, normal: Vec3A) -> f32 {
+    pub(crate) fn open(&self, place: Vec3A, normal: Vec3A) -> f32 {
         let normal = Vec3::from(normal);
         let rise = normal.dot(self.direction);
         let steep = rise.abs().max(1e-6) * rise.signum();
@@ -179,9 +155,10 @@ mod tests {
                 }
             }
         }
-        let topology = Topology::new(positions.len(), &faces).unwrap();
+        let place = |face: &[u32; 3]| face.map(|vertex| positions[vertex as usize]);
+        let faces: Vec<[Vec3; 3]> = faces.iter().map(place).collect();
         let mut sun = Sun::new(Vec3::Y);
-        sun.update(&topology, &positions, &[]);
+        sun.update(&faces);
         let middle = SIDE / 2;
         let reach = |sun: &Sun, layer| {
             let point = positions[at(layer, middle, middle) as usize];
@@ -190,7 +167,7 @@ mod tests {
         assert_eq!([0, 1].map(|layer| reach(&sun, layer)), [0.0, 1.0]);
         // From below it is the other way round.
         let mut sun = Sun::new(-Vec3::Y);
-        sun.update(&topology, &positions, &[]);
+        sun.update(&faces);
         assert_eq!([0, 1].map(|layer| reach(&sun, layer)), [1.0, 0.0]);
     }
 }

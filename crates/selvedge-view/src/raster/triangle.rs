@@ -43,7 +43,7 @@ impl ScreenVertex {
             place: Vec2::new(seen.x * width, seen.y * height),
             nearness: if ahead { seen.depth.recip() } else { 0.0 },
             normal: normal.into(),
-            facing: normal.dot((camera.position() - position).normalize_or_zero()),
+            facing: normal.dot((camera.position - position).normalize_or_zero()),
             lit,
             relief: 0.0,
             value: 0.0,

@@ -53,10 +53,8 @@ fn text(measures: &Comparison, [a, b]: [usize; 2]) -> Facts {
     let per_frame = &measures.per_frame_rmse;
     let worst = (0..per_frame.len()).max_by(|&i, &j| per_frame[i].total_cmp(&per_frame[j]));
     if let (Some(worst), Some(&last)) = (worst, per_frame.last()) {
-        facts.add(
-            "worst frame",
-            format!("{worst}, position RMSE {}", length(per_frame[worst])),
-        );
+        let worst = format!("{worst}, position RMSE {}", length(per_frame[worst]));
+        facts.add("worst frame", worst);
         facts.add("last frame", format!("position RMSE {}", length(last)));
     }
     facts

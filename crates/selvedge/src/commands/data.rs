@@ -27,19 +27,24 @@ pub(crate) fn generate(args: &GenerateArgs) -> anyhow::Result<Answer> {
     let made = generation::generate(order, threads, &mut progress::listener_of_files())?;
     let seconds = started.elapsed().as_secs_f64();
     let (part, is_interrupted) = (made.part, made.end() == End::Interrupted);
-    let mut facts = data_set(&made.name, made.train, made.test);
+    let split = format!("{} to train on, {} to test on", made.train, made.test);
+    let mut facts = Facts::new();
+    facts.add("data set", &made.name);
+    facts.add("trajectories", split);
     facts.add_all("part", part);
-    already_there(&mut facts, made.kept);
-    facts.add(
-        "simulated",
-        format!("{} frames in {seconds:.1} s", made.frames_made),
-    );
+    facts.add_all("already there", (made.kept > 0).then_some(made.kept));
+    let simulated = format!("{} frames in {seconds:.1} s", made.frames_made);
+    facts.add("simulated", simulated);
     facts.add_all("divided", output::divided(made.divided));
-    match part {
-        Some(_) if !is_interrupted => {
+    match (part, made.missing) {
+        (Some(_), _) if !is_interrupted => {
             facts.add("to go on", "`selvedge data merge`, with the other parts");
         }
-        _ => samples_or_missing(&mut facts, made.samples, made.missing),
+        (_, 0) => facts.add("samples", made.samples),
+        (_, missing) => {
+            let again = "trajectories are missing: run the same command again";
+            facts.add("interrupted", format!("{missing} {again}"));
+        }
     }
     if made.missing < made.train + made.test {
         facts.add("wrote", args.output.display());
@@ -58,33 +63,6 @@ pub(crate) fn generate(args: &GenerateArgs) -> anyhow::Result<Answer> {
         "part": part.map(|part| part.to_string()),
     });
     Ok(facts.answer_at(made.end(), report))
-}
-
-/// The first facts of a data set that is made.
-pub(super) fn data_set(name: &str, train: usize, test: usize) -> Facts {
-    let mut facts = Facts::new();
-    facts.add("data set", name);
-    let split = format!("{train} to train on, {test} to test on");
-    facts.add("trajectories", split);
-    facts
-}
-
-/// Says how many trajectories an earlier run has made.
-pub(super) fn already_there(facts: &mut Facts, kept: usize) {
-    if kept > 0 {
-        facts.add("already there", kept);
-    }
-}
-
-/// Says how many samples a data set has, or how to go on with one that is not complete.
-pub(super) fn samples_or_missing(facts: &mut Facts, samples: usize, missing: usize) {
-    match missing {
-        0 => facts.add("samples", samples),
-        missing => facts.add(
-            "interrupted",
-            format!("{missing} trajectories are missing: run the same command again"),
-        ),
-    }
 }
 
 /// Merges the parts.

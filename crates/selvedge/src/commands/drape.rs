@@ -83,11 +83,8 @@ pub(crate) fn test(args: &DrapeTestArgs) -> anyhow::Result<Answer> {
 /// Fits a fabric.
 pub(crate) fn fit_to(args: &DrapeFitArgs) -> anyhow::Result<Answer> {
     place::check_file(&args.output, "--output", &["toml"])?;
-    let name = args
-        .output
-        .file_stem()
-        .unwrap_or_default()
-        .to_string_lossy();
+    let name = args.output.file_stem().unwrap_or_default();
+    let name = name.to_string_lossy();
     let order = FitOrder {
         table: &args.table,
         fabric: &args.fabric,
@@ -103,14 +100,10 @@ pub(crate) fn fit_to(args: &DrapeFitArgs) -> anyhow::Result<Answer> {
     let mut facts = Facts::new();
     let lengths = DIRECTIONS.map(|degrees| bending_length(&found.material, degrees));
     facts.add("fabric", &name);
-    facts.add(
-        "bending length",
-        format!("{} mm along u, bias, v", millimetres(&lengths)),
-    );
-    facts.add(
-        "shear stiffness",
-        format!("{:.0} N/m", found.material.stretch.0[0][3]),
-    );
+    let bending = format!("{} mm along u, bias, v", millimetres(&lengths));
+    facts.add("bending length", bending);
+    let shear = format!("{:.0} N/m", found.material.stretch.0[0][3]);
+    facts.add("shear stiffness", shear);
     let mut tell = |what: &'static str, drapes: &Drapes| {
         let words = format!(
             "coefficient {}, nodes {}, a2 to a8 {} mm",
@@ -125,10 +118,8 @@ pub(crate) fn fit_to(args: &DrapeFitArgs) -> anyhow::Result<Answer> {
     if let Some(checked) = &found.checked {
         tell("not fitted", checked);
     }
-    facts.add(
-        "misfit",
-        format!("{:.2} after {} fabrics", found.misfit, found.tries),
-    );
+    let misfit = format!("{:.2} after {} fabrics", found.misfit, found.tries);
+    facts.add("misfit", misfit);
     facts.add("wrote", args.output.display());
     let report = json!({
         "material": found.material,

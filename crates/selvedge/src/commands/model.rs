@@ -15,9 +15,8 @@ pub(crate) fn convert(args: &ConvertArgs) -> anyhow::Result<Answer> {
     place::check_file(&args.output, "--output", &["safetensors"])?;
     place::check_distinct(&[("the model", &args.model), ("--output", &args.output)])?;
     let model = selvedge::Model::open(Some(&args.model))?.model;
-    let bytes = model
-        .to_bytes_as(args.weights)
-        .with_context(|| args.model.display().to_string())?;
+    let bytes = model.to_bytes_as(args.weights);
+    let bytes = bytes.with_context(|| args.model.display().to_string())?;
     let converted = Model::from_bytes(&bytes).context("reading back what was written")?;
     let (root_mean_square, largest) = change(model.weights(), converted.weights());
     place::write(&args.output, &bytes)?;

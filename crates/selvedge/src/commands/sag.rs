@@ -30,10 +30,8 @@ pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
     facts.add("middle", below(middle_sag));
     facts.add("lowest point", below(lowest));
     facts.tell_as("largest strain", percent(largest_strain), largest_strain);
-    facts.add(
-        "residual",
-        format!("{:.1e} m/s² after {} solves", rest.residual, rest.solves),
-    );
+    let residual = format!("{:.1e} m/s² after {} solves", rest.residual, rest.solves);
+    facts.add("residual", residual);
     facts.add("wrote", args.file().display());
     let report = json!({
         "out": args.file(),

@@ -102,10 +102,7 @@ fn replay(args: &ViewArgs) -> anyhow::Result<Option<Replay>> {
 
 fn track(path: &Path) -> anyhow::Result<NamedTrack> {
     let trajectory = Arc::new(Trajectory::read(path)?);
-    let name = path
-        .file_stem()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .into_owned();
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    let name = name.into_owned();
     Ok(NamedTrack { name, trajectory })
 }

@@ -6,7 +6,10 @@
 
 use super::{MotionList, NamedCloth, NamedMotion};
 use crate::formats::file_error::Problem;
-use crate::scene::{HandleSelection, MaterialSource, MeshFile, MeshSpec, field};
+use crate::obstacle::ObstacleFile;
+use crate::scene::{
+    HandleSelection, MaterialSource, MeshFile, MeshSpec, field, resolved_obstacles, usual_contact,
+};
 use selvedge_cloth::generate::{NamedSheet, named_sheets};
 use selvedge_cloth::motion::apart;
 use selvedge_cloth::{Environment, HandleSchedule, Handles, Mesh, Motion};
@@ -34,6 +37,8 @@ impl NamedCloth {
             schedule: HandleSchedule::default(),
             material: None,
             environment: None,
+            contact: None,
+            obstacles: Vec::new(),
         };
         Ok((cloth, built.mesh))
     }
@@ -65,6 +70,8 @@ pub(super) struct ClothFile {
     handles: HandleSelection,
     material: Option<MaterialSource>,
     environment: Option<Environment>,
+    #[serde(default)]
+    obstacles: Vec<ObstacleFile>,
     /// Motions of the training split; none for a cloth to test on.
     train: Option<MotionList>,
 }
@@ -112,7 +119,9 @@ impl ClothFile {
             return Err(field("cloths.name", problem));
         }
         let mesh = self.mesh.resolve(folder)?;
-        let read = mesh.read(folder)?;
+        let mut read = mesh.read(folder)?;
+        let obstacles = resolved_obstacles(self.obstacles, folder)?;
+        let contact = (!obstacles.is_empty()).then(|| usual_contact(&mut read));
         let mended = read.warnings.iter();
         warnings.extend(mended.map(|text| format!("cloths.{}: {text}", self.name)));
         let selected = self.handles.select(&read.sheet)?;
@@ -126,6 +135,8 @@ impl ClothFile {
                 .map(|source| source.resolve(folder, &mut Vec::new()))
                 .transpose()?,
             environment: self.environment,
+            contact,
+            obstacles,
         };
         Ok(Other {
             cloth,

@@ -12,13 +12,14 @@ use crate::dataset::Split;
 use crate::dataset::plan::DatasetPlan;
 use crate::dataset::sections::{Section, SectionRule};
 use crate::formats::file_error::{FileError, Problem};
+use crate::obstacle::ObstacleSpec;
 use crate::scene::{
     LoadedScene, MeshSpec, MotionSource, ResolvedSetting, SceneSpec, Setting, SettingFile, Stand,
     StartSpec, field, not_understood, parse_toml, read_text, unknown,
 };
 use selvedge_assets::DATASETS as PRESETS;
 use selvedge_cloth::motion::named;
-use selvedge_cloth::{Environment, HandleSchedule, Material, Mesh, Motion};
+use selvedge_cloth::{ContactSettings, Environment, HandleSchedule, Material, Mesh, Motion};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -49,6 +50,12 @@ pub struct NamedCloth {
     /// Gravity and air around it; the setting's own where none are named.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub environment: Option<Environment>,
+    /// Contact with bodies of its own, where it has some.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contact: Option<ContactSettings>,
+    /// The bodies that it touches; the setting's own where none are named.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub obstacles: Vec<ObstacleSpec>,
 }
 
 /// The configuration of a data set, as its index keeps it.
@@ -315,6 +322,10 @@ impl DatasetPreset {
                 setting.schedule.clone_from(&cloth.schedule);
                 setting.material = cloth.material.clone().unwrap_or(setting.material);
                 setting.environment = cloth.environment.unwrap_or(setting.environment);
+                if cloth.contact.is_some() {
+                    setting.contact = setting.contact.or(cloth.contact);
+                    setting.obstacles.clone_from(&cloth.obstacles);
+                }
                 mesh = other;
             }
         }

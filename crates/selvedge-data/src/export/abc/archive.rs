@@ -144,10 +144,8 @@ impl<'a> Archive<'a> {
     /// say whether two objects are alike.
     fn family(&mut self, properties: Vec<Written>, children: Vec<Written>) -> io::Result<u64> {
         let own: Vec<u8> = properties.iter().flat_map(|p| p.header.clone()).collect();
-        let own_place: Vec<u8> = properties
-            .iter()
-            .flat_map(|p| p.group.to_le_bytes())
-            .collect();
+        let own_place = properties.iter().flat_map(|p| p.group.to_le_bytes());
+        let own_place: Vec<u8> = own_place.collect();
         let mut groups = vec![self.group_of(properties)?];
         groups.extend(children.iter().map(|child| child.group));
         let headers: Vec<u8> = children.into_iter().flat_map(|c| c.header).collect();

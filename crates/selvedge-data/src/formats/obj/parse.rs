@@ -243,9 +243,8 @@ fn corner(word: &str, polygons: &Polygons) -> Result<(Corner, bool), String> {
 
 /// An index from 0: a number from 1, or one counted back from the last so far.
 fn index(text: &str, count: usize, what: &str) -> Result<usize, String> {
-    let number: i64 = text
-        .parse()
-        .map_err(|_| format!("{text:?} is no number of a {what}"))?;
+    let number = text.parse();
+    let number: i64 = number.map_err(|_| format!("{text:?} is no number of a {what}"))?;
     let place = match number {
         1.. => number - 1,
         0 => -1,

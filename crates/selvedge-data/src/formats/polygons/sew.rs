@@ -39,7 +39,7 @@ pub struct PanelPlace {
     /// Name of the panel.
     pub panel: String,
     /// Axis of the turn.
-    #[serde(default = "up")]
+    #[serde(default = "crate::formats::up_axis::up")]
     pub axis: DVec3,
     /// Right-handed angle `[degrees]`.
     #[serde(default)]
@@ -47,10 +47,6 @@ pub struct PanelPlace {
     /// Move `[m]`, in the file's unit of length.
     #[serde(default)]
     pub translation: DVec3,
-}
-
-fn up() -> DVec3 {
-    DVec3::Y
 }
 
 /// Objects that are taken, places of panels, and seams that are sewn.

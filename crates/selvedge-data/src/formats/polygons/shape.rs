@@ -45,10 +45,8 @@ fn area_vectors(corners: &[DVec3]) -> impl Iterator<Item = DVec3> {
 pub(super) fn in_own_plane(corners: &[DVec3]) -> Vec<DVec2> {
     let normal: DVec3 = area_vectors(corners).sum();
     let (u, v) = axes(normal.normalize_or(DVec3::Z), DVec3::Y);
-    corners
-        .iter()
-        .map(|p| DVec2::new(p.dot(u), p.dot(v)))
-        .collect()
+    let drawn = corners.iter().map(|p| DVec2::new(p.dot(u), p.dot(v)));
+    drawn.collect()
 }
 
 /// Distance from the plane that still counts as flat, in units of the sheet's extent: files often
@@ -65,23 +63,17 @@ pub(super) fn planar_coordinates(polygons: &Polygons) -> Option<Vec<DVec2>> {
     }
     let normal = normal.try_normalize()?;
     let center = positions.iter().sum::<DVec3>() / positions.len() as f64;
-    let extent = positions
-        .iter()
-        .map(|p| p.distance(center))
-        .fold(0.0, f64::max);
+    let extent = positions.iter().map(|p| p.distance(center));
+    let extent = extent.fold(0.0, f64::max);
     let is_off = |p: &DVec3| (*p - center).dot(normal).abs() > FLATNESS * extent;
     if positions.iter().any(is_off) {
         return None;
     }
     let (u, v) = upward_axes(normal);
-    let coordinates: Vec<DVec2> = positions
-        .iter()
-        .map(|p| DVec2::new(p.dot(u), p.dot(v)))
-        .collect();
-    let lowest = coordinates
-        .iter()
-        .copied()
-        .fold(DVec2::INFINITY, DVec2::min);
+    let coordinates = positions.iter().map(|p| DVec2::new(p.dot(u), p.dot(v)));
+    let coordinates: Vec<DVec2> = coordinates.collect();
+    let lowest = coordinates.iter().copied();
+    let lowest = lowest.fold(DVec2::INFINITY, DVec2::min);
     Some(coordinates.iter().map(|c| *c - lowest).collect())
 }
 

@@ -80,10 +80,8 @@ fn touching_pieces(polygons: &Polygons, border: &[u32]) -> usize {
             unite(&mut pieces, a, b);
         }
     }
-    let places: Vec<_> = border
-        .iter()
-        .map(|v| polygons.positions[*v as usize])
-        .collect();
+    let places = border.iter().map(|v| polygons.positions[*v as usize]);
+    let places: Vec<_> = places.collect();
     let mut touching = BTreeSet::new();
     for (own, first) in owners(&places, 0.0).into_iter().enumerate() {
         let both = [own, first as usize].map(|k| root(&mut pieces, border[k]));

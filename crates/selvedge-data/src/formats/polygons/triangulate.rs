@@ -55,9 +55,8 @@ pub(super) fn triangulate(corners: &[DVec2]) -> Option<Vec<[usize; 3]>> {
         // No choice; what is wrong with a triangle the mesh says better.
         return Some(vec![[0, 1, 2]]);
     }
-    let whole: f64 = (1..count - 1)
-        .map(|k| signed_area_2d(corners[0], corners[k], corners[k + 1]))
-        .sum();
+    let whole = (1..count - 1).map(|k| signed_area_2d(corners[0], corners[k], corners[k + 1]));
+    let whole: f64 = whole.sum();
     let sense = whole.signum();
     let area = |[a, b, c]: [usize; 3]| sense * signed_area_2d(corners[a], corners[b], corners[c]);
     let best = best_center(count, &area);

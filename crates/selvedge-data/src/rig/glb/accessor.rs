@@ -140,9 +140,8 @@ impl File<'_> {
         }
         let mut numbers = Vec::with_capacity(count * width);
         for element in 0..count {
-            let start = element
-                .checked_mul(stride)
-                .and_then(|at| at.checked_add(first));
+            let start = element.checked_mul(stride);
+            let start = start.and_then(|at| at.checked_add(first));
             let element = start
                 .and_then(|start| bytes.get(start..start.checked_add(size * width)?))
                 .ok_or(CUT)?;

@@ -231,10 +231,8 @@ impl File<'_> {
             None => vec![DMat4::IDENTITY; count],
             Some(accessor) => {
                 let numbers = self.numbers(accessor, 16)?;
-                numbers
-                    .chunks_exact(16)
-                    .map(DMat4::from_cols_slice)
-                    .collect()
+                let matrices = numbers.chunks_exact(16).map(DMat4::from_cols_slice);
+                matrices.collect()
             }
         };
         if binds.len() != count {

@@ -1,7 +1,6 @@
 //! Clips are read back with the crate that wrote them: size, count, clock, pixels.
 
 use super::*;
-use crate::Colouring;
 use glam::Vec3;
 use selvedge_cloth::Topology;
 
@@ -32,11 +31,8 @@ fn on_run<T>(count: usize, rate: f64, with: impl FnOnce(&Run<'_>) -> T) -> T {
 }
 
 fn panel<'a>(label: &'a str, run: &'a Run<'a>) -> Panel<'a> {
-    Panel {
-        label,
-        run,
-        colouring: Colouring::Plain,
-    }
+    let plain = Panel::of(run);
+    Panel { label, ..plain }
 }
 
 /// What is said where a clip cannot be written.
@@ -115,7 +111,7 @@ fn a_clip_lasts_as_long_as_its_run() {
 #[test]
 fn frames_are_those_nearest_to_each_moment() {
     // 48 frames per second every 50 ms: 0, 2.4, 4.8, 7.2, 9.6, 12, ...
-    let found = on_run(25, 48.0, frames_at);
+    let found = on_run(25, 48.0, |run| frames_at(run).unwrap());
     assert_eq!(found, [0, 2, 5, 7, 10, 12, 14, 17, 19, 22, 24]);
 }
 
@@ -125,7 +121,7 @@ fn decoded_pixels_are_the_pictures_within_the_tolerance() {
         let panels = ["truth", "prediction"].map(|label| panel(label, run));
         let played = play(&clip(&panels, &SETTINGS));
         let mut studio = Studio::new("Title", &panels, &SETTINGS).unwrap();
-        let numbers = frames_at(run);
+        let numbers = frames_at(run).unwrap();
         let mut palette = studio.palette(&numbers).unwrap();
         assert_eq!(played.palette[..palette.table().len()], palette.table());
         assert_eq!(played.size, studio.size().map(usize::from));

@@ -4,7 +4,7 @@ use super::*;
 use crate::image::colour::to_linear;
 use crate::raster::camera::View;
 use crate::raster::shade::HANDLE;
-use crate::{Colouring, Rgb, Run, ScalarField};
+use crate::{Rgb, Run, ScalarField};
 use glam::{Vec2, Vec3A};
 use selvedge_cloth::VertexId;
 
@@ -34,11 +34,7 @@ fn scene(triangles: &[[Vec3; 3]]) -> (Topology, Vec<Vec3>) {
 }
 
 fn plain<'a>(run: &'a Run<'a>) -> Panel<'a> {
-    Panel {
-        label: "",
-        run,
-        colouring: Colouring::Plain,
-    }
+    Panel::of(run)
 }
 
 struct Shot {
@@ -234,9 +230,8 @@ fn a_flat_field_has_the_hue_of_its_value() {
     let stage = Stage::of_runs(&[&run], LEVEL, 1.0).unwrap();
     let field = ScalarField::new("value", vec![vec![3.0; 3]]).unwrap();
     let panel = Panel {
-        label: "",
-        run: &run,
-        colouring: Colouring::PerVertex(&field),
+        field: Some(&field),
+        ..Panel::of(&run)
     };
     let image = drawn(&panel, &stage, 100, 1);
     let centre = (positions[0] + positions[1] + positions[2]) / 3.0;

@@ -63,13 +63,9 @@ fn undrawn(report: Value) -> Seen {
 fn joined(objects: impl IntoIterator<Item = Value>) -> Value {
     let mut all = Map::new();
     for object in objects {
-        all.extend(
-            object
-                .as_object()
-                .into_iter()
-                .flatten()
-                .map(|(k, v)| (k.clone(), v.clone())),
-        );
+        if let Value::Object(own) = object {
+            all.extend(own);
+        }
     }
     all.into()
 }
@@ -278,11 +274,8 @@ fn run_of(trajectory: Trajectory) -> anyhow::Result<Seen> {
         "drape": Drape::of(trajectory.cloth(), last),
         "obstacles": obstacles.collect::<Vec<_>>(),
     });
-    let points: Vec<_> = trajectory
-        .positions()
-        .iter()
-        .map(|p| p.as_dvec3())
-        .collect();
+    let points = trajectory.positions().iter().map(|p| p.as_dvec3());
+    let points: Vec<_> = points.collect();
     let mut size = size(&points, std::iter::empty());
     size["edge_lengths"] = Value::Null;
     let report = joined([own, size]);

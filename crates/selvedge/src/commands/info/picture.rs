@@ -8,7 +8,7 @@ use selvedge_cloth::{Mesh, Obstacle, VertexId};
 use selvedge_data::Trajectory;
 use selvedge_lab::physics;
 use selvedge_lab::pictures::strain_sheet;
-use selvedge_view::{Body, Colouring, Panel, Run, still};
+use selvedge_view::{Body, Panel, Run, still};
 
 use crate::film::SIZE;
 use crate::place;
@@ -49,10 +49,5 @@ fn png_of(mesh: &Mesh, handles: &[VertexId], obstacles: &[Obstacle]) -> anyhow::
         Body::new(obstacle.faces(), [Cow::Owned(points)])
     });
     let run = run.with_bodies(bodies.collect());
-    let panel = Panel {
-        label: "",
-        run: &run,
-        colouring: Colouring::Plain,
-    };
-    Ok(still(&panel, 0, SIZE)?.to_png()?)
+    Ok(still(&Panel::of(&run), 0, SIZE)?.to_png()?)
 }

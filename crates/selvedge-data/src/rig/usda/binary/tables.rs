@@ -90,10 +90,8 @@ impl Tables {
 
     /// Returns true where the text of this number is there and empty.
     pub(super) fn is_empty_text(&self, number: usize) -> bool {
-        let token = self
-            .texts
-            .get(number)
-            .and_then(|&token| self.tokens.get(token));
+        let token = self.texts.get(number);
+        let token = token.and_then(|&token| self.tokens.get(token));
         token.is_some_and(String::is_empty)
     }
 
