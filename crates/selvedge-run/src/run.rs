@@ -186,7 +186,7 @@ impl Run {
             run.warnings.push("start: a network and what it is compared with start in the sagged rest pose, and not as the scene says: take the solver for that (`selvedge run` without --model)".to_owned());
         }
         if built.contact.is_some() && !model.model.spec().sees_bodies() {
-            run.warnings.push("contact: this model does not see obstacles, nor where the cloth touches itself: the guard pushes its frames apart (without a guard its cloth passes through both)".to_owned());
+            run.warnings.push("contact: this model does not see obstacles, nor where the cloth touches itself: its frames are pushed apart, and the guard mends those that still meet (without a guard they stay so)".to_owned());
         }
         Ok(run)
     }
