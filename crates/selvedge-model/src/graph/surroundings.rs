@@ -293,7 +293,8 @@ mod tests {
             // Below the middle of the first face, whose corners are all beside the ball.
             let at = |p: &Vec3| *p + Vec3::new(-0.3, height, -0.3);
             let current: Vec<Vec3> = start.iter().map(at).collect();
-            let seen = Surroundings::new(&topology, settings, &[body.clone()], RATE);
+            let around = std::slice::from_ref(body);
+            let seen = Surroundings::new(&topology, settings, around, RATE);
             for held in [
                 vec![false; 6],
                 vec![true, false, false, false, false, false],
