@@ -16,7 +16,7 @@ SCRIPTS = pathlib.Path(__file__).resolve().parents[2] / "assets" / "datasets"
 
 @pytest.mark.parametrize(
     ("script", "options", "cloths"),
-    [("any", ["--cloths", "24"], 24), ("broad", ["--density", "100"], 50), ("broad", ["--few"], 0)],
+    [("any", ["--cloths", "20", "--bodies", "4"], 24), ("broad", ["--density", "100"], 50), ("broad", ["--few"], 0)],
 )
 def test_a_preset_that_a_script_writes_is_read_whole(program, tmp_path, script, options, cloths):
     folder = tmp_path / "preset"
