@@ -323,12 +323,10 @@ fn handle_acceleration(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColum
     }
 }
 
-/// What each vertex sees of what it could touch, where a feature is made from that.
+/// What each vertex sees of what it could touch, where a feature is made from that and there is something.
 fn near(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>) -> Vec<Near> {
-    match graph.surroundings().filter(|_| spec.sees_bodies()) {
-        Some(surroundings) => surroundings.near(pose.previous, pose.current),
-        None => vec![Near::default(); pose.current.len()],
-    }
+    let seen = graph.surroundings().filter(|_| spec.sees_bodies());
+    seen.map_or_else(Vec::new, |seen| seen.near(pose.previous, pose.current))
 }
 
 fn of_near(
@@ -337,8 +335,9 @@ fn of_near(
     vector: impl Fn(&Near) -> Vec3,
     mut out: FeatureColumns<&mut [f32]>,
 ) {
-    for (v, near) in near.iter().enumerate() {
-        out.put(v, pose.yaw.to_local(vector(near)).to_array());
+    for v in 0..pose.current.len() {
+        let seen = near.get(v).map_or(Vec3::ZERO, &vector);
+        out.put(v, pose.yaw.to_local(seen).to_array());
     }
 }
 

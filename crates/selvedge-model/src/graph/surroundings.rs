@@ -321,17 +321,17 @@ mod tests {
                 all.extend(&seen.places[1]);
                 let pairs = seen.pairs([&all, &all], 0.01, true);
                 let mesh = &seen.fixed.mesh;
-                let gaps = pairs
-                    .pairs()
-                    .iter()
-                    .map(|pair| gap(pair.kind, pair.places(&all)).distance - mesh.radius_of(pair));
-                let least = gaps.fold(f64::INFINITY, f64::min);
-                assert!(
-                    least > 0.95 * settings.thickness,
-                    "{}: {least}",
-                    body.name()
-                );
-                assert!(next.iter().skip(3).all(|p| p.y > next[1].y), "{next:?}");
+                let was = current.iter().map(|p| p.as_dvec3());
+                let was: Vec<DVec3> = was.chain(seen.places[0].iter().copied()).collect();
+                assert!(!pairs.pairs().is_empty());
+                for pair in pairs.pairs() {
+                    let [was, now] = [&was, &all].map(|at| gap(pair.kind, pair.places(at)));
+                    let apart = now.distance - mesh.radius_of(pair);
+                    let least = 0.95 * settings.thickness;
+                    assert!(apart > least, "{}: {apart}", body.name());
+                    let side = was.normal.dot(now.normal);
+                    assert!(side > 0.0, "{}: {pair:?}, {side}", body.name());
+                }
             }
         }
     }
