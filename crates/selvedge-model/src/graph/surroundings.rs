@@ -133,7 +133,7 @@ impl Surroundings {
                 let mut found = gap(pair.kind, pair.places(&to));
                 let radius = mesh.radius_of(pair);
                 let before = gap(pair.kind, pair.places(&from)).normal;
-                // A round body is told by its core from the other side; a face only by where it was before.
+                // Gaps to a core keep their sign beyond the surface; of a face the side before the step counts.
                 if radius == 0.0 && found.normal.dot(before) <= 0.0 {
                     found.normal = if found.normal == DVec3::ZERO { before } else { -found.normal };
                 }
