@@ -6,7 +6,7 @@ together or apart, are let go and take hold again; and cloths that meet bodies a
     selvedge data generate out/any/any.toml -o data/any
     python3 assets/datasets/broad.py out/any --jumps data/any
 
-`--cloths 40` makes so many cloths instead of 240, `--bodies 10` so many with bodies instead of 80. Everything is drawn at random, the same each time. No
+`--cloths 40` makes so many cloths instead of 240, `--bodies 10` so many with bodies instead of 120. Everything is drawn at random, the same each time. No
 motion is a test or a generalisation motion, no mesh one that has a name but the square of the tests.
 """
 
@@ -25,6 +25,8 @@ FABRICS = ["11oz-black-denim", "camel-ponte-roma", "gray-interlock", "navy-spark
 PHYSICS = "{ substeps = 8, max_strain = 4.0, solver = { conjugate-gradients = { tolerance = 1e-7 } } }"
 #: Vertices of a cloth: a sample costs as much as it has.
 FEWEST, MOST = 90, 900
+#: Cloths with any bodies; those after them have a floor.
+ANY_BODIES = 80
 
 
 def fabric(draw, known):
@@ -109,12 +111,12 @@ def released(draw, numbers, again=0.4):
     return f"{{ groups = [{', '.join(groups)}] }}"
 
 
-def bodies(draw, size):
-    """One or two bodies beside a cloth that hangs in the plane x = 0 from y = 0, or a floor below it: none reaches
-    up to where the handles go. Also the lowest that these go [m]."""
+def bodies(draw, size, floor):
+    """One or two bodies beside a cloth that hangs in the plane x = 0 from y = 0, or surely or by chance a floor below
+    it: none reaches up to where the handles go. Also the lowest that these go [m]."""
     width, height = size
     parts, lowest = [], -0.1
-    if draw.random() < 0.3:
+    if floor or draw.random() < 0.3:
         parts.append(f'{{ name = "floor", plane = {{ height = {-1.25 * height - 0.05:.3f} }} }}')
         lowest = -0.7 * height
     for number in range(draw.choice([0, 1]) if parts else draw.choice([1, 1, 2])):
@@ -217,7 +219,7 @@ def main(folder, cloths, with_bodies):
             numbers, places = held(draw, sides, size)
         # What lies on a floor is not caught up from there at once.
         material, air, handles = fabric(draw, known), weather(draw), released(draw, numbers, again=0)
-        obstacles, lowest = bodies(draw, size)
+        obstacles, lowest = bodies(draw, size, number >= ANY_BODIES)
         named = []
         for way in range(2):
             name = f"b{number}-{way}"
@@ -233,6 +235,6 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=pathlib.Path, help="of the preset")
     parser.add_argument("--cloths", type=int, default=240, help="how many [240]")
-    parser.add_argument("--bodies", type=int, default=80, help="how many more, with bodies [80]")
+    parser.add_argument("--bodies", type=int, default=120, help="how many more, with bodies, from the 81st on with a floor [120]")
     asked = parser.parse_args()
     main(asked.folder, asked.cloths, asked.bodies)

@@ -5,7 +5,9 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{ContactSettings, Obstacle, Topology};
-use selvedge_contact::{Candidates, CollisionMesh, Kind, Pair, Reach, Ways, gap, push};
+use selvedge_contact::{
+    Candidates, CollisionMesh, Kind, Pair, Path, Reach, Ways, certify, gap, push,
+};
 
 /// Gap to a body from which on a vertex sees nothing of it `[m]`: cloth that moves at 3 m/s is there
 /// after two frames.
@@ -130,13 +132,16 @@ impl Surroundings {
         for _ in 0..ROUNDS {
             let mut has_moved = false;
             for pair in candidates.pairs() {
-                let mut found = gap(pair.kind, pair.places(&to));
+                // Where the two meet on their way, the side is that on which they were before.
                 let radius = mesh.radius_of(pair);
-                let before = gap(pair.kind, pair.places(&from)).normal;
-                // Gaps to a core keep their sign beyond the surface; of a face the side before the step counts.
-                if radius == 0.0 && found.normal.dot(before) <= 0.0 {
-                    found.normal = if found.normal == DVec3::ZERO { before } else { -found.normal };
-                }
+                let path = Path {
+                    from: pair.places(&from),
+                    to: pair.places(&to),
+                };
+                let found = match certify(pair.kind, path, radius + settings.floor) {
+                    Err(impact) => impact.gap,
+                    Ok(()) => gap(pair.kind, path.to),
+                };
                 let apart = self.thickness(pair) + radius;
                 if let Some(push) = push(&found, pair.places(&to), pair.corners.map(free), apart) {
                     for (corner, by) in pair.corners.into_iter().zip(push.moves) {
@@ -281,6 +286,28 @@ mod tests {
                 assert_eq!((near.push, near.velocity), (Vec3::ZERO, Vec3::ZERO));
             }
         }
+    }
+
+    #[test]
+    fn what_passes_beside_an_edge_is_not_pushed_back() {
+        // The second triangle rises from 20 mm below the first to 20 mm above it, 1.5 mm beside its edge.
+        let (topology, mut current) = layers(0.0);
+        for (k, p) in current[3..].iter_mut().enumerate() {
+            *p = Vec3::new(-0.0015 - 0.1 * (k % 2) as f32, -0.02, 0.3 + 0.1 * k as f32);
+        }
+        let mut next = current.clone();
+        next[3..].iter_mut().for_each(|p| p.y = 0.02);
+        let before = next.clone();
+        let seen = Surroundings::new(&topology, ContactSettings::default(), &[], RATE);
+        let ways = [&current, &next].map(|at| at.iter().map(|p| p.as_dvec3()).collect::<Vec<_>>());
+        assert!(
+            !seen
+                .pairs([&ways[0], &ways[1]], 0.002, true)
+                .pairs()
+                .is_empty()
+        );
+        seen.keep_apart(&current, &mut next, &[false; 6]);
+        assert_eq!(next, before);
     }
 
     #[test]
