@@ -32,18 +32,6 @@ use crate::limiter::{EdgeLimiter, LimitedEdge};
 use crate::rescue::Physics;
 use crate::trust::{ContactWord, Moved, Replacement, Trust, Verdict};
 
-// The bounds are the extremes of the physics itself: on the 31 motions of the paper's kind of the
-// data set `first`, edges have stretches of 0.853 to 1.282 (one frame in a thousand of 39,091 has
-// one over 1.263). A run counts as diverged above a strain of 30 %.
-
-/// Shortest stretch l/l₀ of an edge, against the material. A goal, not a promise: a fold between
-/// vertices shortens edges.
-const LEAST_STRETCH: f64 = 0.85;
-/// Longest stretch l/l₀ of an edge, against the material.
-const MOST_STRETCH: f64 = 1.28;
-/// Margin around an edge's length in the rest pose, as a part of that length. Lengths within it are
-/// always allowed, whatever the stretch: heavy cloth may hang stretched.
-const REST_MARGIN: f64 = 0.005;
 /// Strain (l - l₀)/l₀ of an edge above which a frame is lost: replaced, not corrected.
 const LOST_STRAIN: f64 = 1.0;
 /// Move of a vertex above which a frame is lost, in mean lengths of an edge.
@@ -166,10 +154,16 @@ impl<S: Correctable> Guard<S> {
         let edges = inner.topology().edges().iter();
         let ends: Vec<[u32; 2]> = edges.map(|edge| edge.vertices.map(|v| v.0)).collect();
         let is_handle = inner.handles().mask(cloth.vertex_count());
-        let limited = ends.iter().zip(&lengths).map(|(&ends, &length)| {
+        let bounds = cloth.edge_bounds().into_iter();
+        let limited = ends.iter().zip(bounds).map(|(&ends, bounds)| {
+            let [least, most] = bounds.map(|length| length as f32);
             let inverse = ends.map(|v| 1.0 / cloth.vertex_mass()[v as usize]);
-            let [a, b] = ends.map(|v| cloth.rest_positions()[v as usize].as_dvec3());
-            limited_edge(ends, inverse, length, a.distance(b))
+            LimitedEdge {
+                ends,
+                least,
+                most,
+                inverse,
+            }
         });
         let start = inner.positions().to_vec();
         let mut guard = Self {
@@ -467,18 +461,6 @@ fn moved(a: &[Vec3], b: &[Vec3]) -> Moved {
     Moved {
         rms: (moved.rms / a.len().max(1) as f64).sqrt(),
         largest: moved.largest.sqrt(),
-    }
-}
-
-/// The bounds of an edge of `length` in the material and `rest` in the rest pose `[m]`.
-fn limited_edge(ends: [u32; 2], inverse: [f32; 2], length: f64, rest: f64) -> LimitedEdge {
-    let least = (LEAST_STRETCH * length).min((1.0 - REST_MARGIN) * rest);
-    let most = (MOST_STRETCH * length).max((1.0 + REST_MARGIN) * rest);
-    LimitedEdge {
-        ends,
-        least: least as f32,
-        most: most as f32,
-        inverse,
     }
 }
 

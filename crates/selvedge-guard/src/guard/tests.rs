@@ -114,7 +114,7 @@ fn whatever_a_stepper_does_it_is_kept_within_bounds() {
                 guard.step(&targets).unwrap();
                 tally.add(guard.trust());
                 // The bound and its slack, and positions of 1 m in f32 against edges of 0.1 m.
-                let most = MOST_STRETCH * (1.0 + f64::from(SLACK)) + 1e-5;
+                let most = 1.28 * (1.0 + f64::from(SLACK)) + 1e-5;
                 let found = largest_stretch(&guard);
                 assert!(found <= most, "{errs:?} {has_scene} {frame}: {found}");
                 assert!(guard.positions().iter().all(|p| p.is_finite()));

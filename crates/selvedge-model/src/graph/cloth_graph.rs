@@ -145,7 +145,13 @@ impl ClothGraph {
 
     /// The same among bodies that it touches, and itself.
     pub fn among(mut self, contact: ContactSettings, obstacles: &[Obstacle]) -> Self {
-        let made = Surroundings::new(self.topology(), contact, obstacles, self.frame_rate);
+        let made = Surroundings::new(
+            self.topology(),
+            self.cloth.edge_bounds(),
+            contact,
+            obstacles,
+            self.frame_rate,
+        );
         self.surroundings = Some(made);
         self.set_step(0);
         self

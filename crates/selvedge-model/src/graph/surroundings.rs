@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{ContactSettings, Obstacle, Topology};
+use selvedge_cloth::{ContactSettings, Obstacle, Topology, VertexId};
 use selvedge_contact::{
     Candidates, CollisionMesh, Kind, Pair, Path, Reach, Ways, certify, gap, push,
 };
@@ -19,6 +19,9 @@ const OWN_REACH: f64 = 0.02;
 /// Most rounds of pushes that keep a frame apart.
 const ROUNDS: usize = 20;
 
+/// How far within its bounds an edge beyond them is brought, as a part of what is between them.
+const WITHIN: f64 = 0.02;
+
 /// Bodies around a cloth, in the present step, and whether it meets itself.
 #[derive(Clone, Debug)]
 pub(crate) struct Surroundings {
@@ -32,6 +35,8 @@ struct Fixed {
     mesh: CollisionMesh,
     obstacles: Vec<Obstacle>,
     settings: ContactSettings,
+    /// The cloth's edges with their shortest and longest lengths `[m]`.
+    edges: Vec<([usize; 2], [f64; 2])>,
 }
 
 /// What a vertex sees of the nearest point.
@@ -53,8 +58,10 @@ impl PartialEq for Surroundings {
 }
 
 impl Surroundings {
+    /// Edges beyond the `bounds` of their lengths `[m]`, `[edges]`, are brought back where frames are kept apart.
     pub(crate) fn new(
         cloth: &Topology,
+        bounds: Vec<[f64; 2]>,
         settings: ContactSettings,
         obstacles: &[Obstacle],
         frame_rate: f64,
@@ -64,6 +71,12 @@ impl Surroundings {
                 mesh: CollisionMesh::new(cloth, obstacles),
                 obstacles: obstacles.to_vec(),
                 settings,
+                edges: cloth
+                    .edges()
+                    .iter()
+                    .map(|edge| edge.vertices.map(VertexId::index))
+                    .zip(bounds)
+                    .collect(),
             }),
             places: Default::default(),
         };
@@ -92,6 +105,7 @@ impl Surroundings {
             mesh,
             obstacles,
             settings,
+            ..
         } = &*self.fixed;
         let bodies = [pair.corners[0], pair.corners[3]].map(|corner| mesh.body_of(corner));
         let own = bodies[0].max(bodies[1]).checked_sub(1);
@@ -112,8 +126,9 @@ impl Surroundings {
         candidates
     }
 
-    /// Moves the frame `next` that comes after `current` `[m]`, `[vertices]`, by the least along the
-    /// gaps, until what touches is at the thickness of contact or the rounds are over. What is `held` stays.
+    /// Moves the frame `next` that comes after `current` `[m]`, `[vertices]`, by the least along gaps and
+    /// edges, until what touches is at the thickness of contact and edges are within their bounds, or the rounds
+    /// are over. What is `held` stays.
     pub(crate) fn keep_apart(&self, current: &[Vec3], next: &mut [Vec3], held: &[bool]) {
         let [from, mut to] = [(current, 0), (&*next, 1)].map(|(cloth, at)| {
             let cloth = cloth.iter().map(|p| p.as_dvec3());
@@ -150,6 +165,20 @@ impl Surroundings {
                     }
                 }
             }
+            for (ends, [least, most]) in &self.fixed.edges {
+                let vector = to[ends[0]] - to[ends[1]];
+                let (length, inner) = (vector.length(), WITHIN * (most - least));
+                let shares = ends.map(|v| free(v as u32));
+                let both: f64 = shares.iter().sum();
+                if (*least..=*most).contains(&length) || length <= 0.0 || both <= 0.0 {
+                    continue;
+                }
+                let goal = length.clamp(least + inner, most - inner);
+                let change = vector * ((goal / length - 1.0) / both);
+                to[ends[0]] += shares[0] * change;
+                to[ends[1]] -= shares[1] * change;
+                has_moved = true;
+            }
             if !has_moved {
                 break;
             }
@@ -165,6 +194,7 @@ impl Surroundings {
             mesh,
             obstacles,
             settings,
+            ..
         } = &*self.fixed;
         let mut near = vec![Near::default(); current.len()];
         let cloth = current.iter().map(|p| p.as_dvec3());
@@ -254,7 +284,7 @@ mod tests {
         };
         let (topology, current) = layers(0.3);
         let around = [ball.with_thickness(5e-3).unwrap(), far];
-        let mut seen = Surroundings::new(&topology, settings, &around, RATE);
+        let mut seen = Surroundings::new(&topology, Vec::new(), settings, &around, RATE);
         assert!(seen.vary());
         // In step 1 the ball is 1/60 m higher, 0.0333 m below the first vertex, which falls by 0.03 m.
         seen.set_step(1, RATE);
@@ -278,7 +308,8 @@ mod tests {
         let settings = ContactSettings::default();
         for (apart, sees) in [(0.01, true), (0.03, false)] {
             let (topology, current) = layers(apart);
-            let near = Surroundings::new(&topology, settings, &[], RATE).near(&current, &current);
+            let near = Surroundings::new(&topology, Vec::new(), settings, &[], RATE)
+                .near(&current, &current);
             let part = 1.0 - apart / OWN_REACH as f32;
             let expected = if sees { part * Vec3::Y } else { Vec3::ZERO };
             for near in &near[3..] {
@@ -298,7 +329,7 @@ mod tests {
         let mut next = current.clone();
         next[3..].iter_mut().for_each(|p| p.y = 0.02);
         let before = next.clone();
-        let seen = Surroundings::new(&topology, ContactSettings::default(), &[], RATE);
+        let seen = Surroundings::new(&topology, Vec::new(), ContactSettings::default(), &[], RATE);
         let ways = [&current, &next].map(|at| at.iter().map(|p| p.as_dvec3()).collect::<Vec<_>>());
         assert!(
             !seen
@@ -308,6 +339,44 @@ mod tests {
         );
         seen.keep_apart(&current, &mut next, &[false; 6]);
         assert_eq!(next, before);
+    }
+
+    #[test]
+    fn edges_beyond_their_bounds_are_brought_back_where_a_body_stops_the_cloth() {
+        let slab = Obstacle::of("slab", bodies::cuboid(DVec3::new(4.0, 0.2, 4.0))).unwrap();
+        let (topology, flat) = layers(0.3);
+        let long: Vec<f64> = topology
+            .edges()
+            .iter()
+            .map(|edge| {
+                let [a, b] = edge.vertices.map(|v| flat[v.index()]);
+                f64::from(a.distance(b))
+            })
+            .collect();
+        let bounds = long
+            .iter()
+            .map(|length| [0.85 * length, 1.28 * length])
+            .collect();
+        let settings = ContactSettings::default();
+        let seen = Surroundings::new(&topology, bounds, settings, &[slab], RATE);
+        // Two corners of the upper triangle stand on the slab; the third falls through it, or flies off.
+        let at = |p: &Vec3| *p + Vec3::new(-0.3, 0.102, -0.3);
+        let current: Vec<Vec3> = flat.iter().map(at).collect();
+        for way in [
+            Vec3::new(0.1, -0.5, 0.0),
+            Vec3::new(0.3, 0.2, 0.3),
+            Vec3::new(-0.15, 0.0, -0.1),
+        ] {
+            let mut next = current.clone();
+            next[3] += way;
+            seen.keep_apart(&current, &mut next, &[false; 6]);
+            for (edge, length) in topology.edges().iter().zip(&long) {
+                let [a, b] = edge.vertices.map(|v| next[v.index()]);
+                let stretch = f64::from(a.distance(b)) / length;
+                assert!((0.849..1.281).contains(&stretch), "{way}: {stretch}");
+            }
+            assert!(next.iter().all(|p| p.y > 0.1 + 0.95e-3), "{way}");
+        }
     }
 
     #[test]
@@ -321,7 +390,7 @@ mod tests {
             let at = |p: &Vec3| *p + Vec3::new(-0.3, height, -0.3);
             let current: Vec<Vec3> = start.iter().map(at).collect();
             let around = std::slice::from_ref(body);
-            let seen = Surroundings::new(&topology, settings, around, RATE);
+            let seen = Surroundings::new(&topology, Vec::new(), settings, around, RATE);
             for held in [
                 vec![false; 6],
                 vec![true, false, false, false, false, false],
