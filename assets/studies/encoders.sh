@@ -22,12 +22,12 @@ losses='losses={ kinetic_energy = 0.0, edge_vector = 100.0, edge_length = 1000.0
 
 # rollouts NAME CONFIG SEED OPTIONS: both stages.
 rollouts() {
-    name=$1 config=$2 seed=$3; shift 3
-    one "$name-ones" new "$config" --set steps=5000 --set loss_cap=20.0 --set "seed=$seed" --set "$losses" "$@" \
+    of=$1 config=$2 seed=$3; shift 3
+    one "$of-ones" new "$config" --set steps=5000 --set loss_cap=20.0 --set "seed=$seed" --set "$losses" "$@" \
         --set 'learning_rate={ kind = "cosine", warmup = 200, from = 1e-3, to = 1e-4, end = 5000 }' \
         --set 'noise={ deviation = 0.0003, correction = 0.1 }' \
         --set 'scheduled_sampling={ truth = { kind = "always" } }'
-    one "$name" "$name-ones" "$config" --set steps=3000 --set loss_cap=3.0 --set "seed=$seed" --set "$losses" "$@" \
+    one "$of" "$of-ones" "$config" --set steps=3000 --set loss_cap=3.0 --set "seed=$seed" --set "$losses" "$@" \
         --set 'learning_rate={ kind = "cosine", warmup = 200, from = 5e-4, to = 5e-6, end = 3000 }' \
         --set 'noise={ deviation = 0.0001, correction = 0.1 }' \
         --set 'unroll={ kind = "constant", frames = 4 }' \
@@ -36,19 +36,21 @@ rollouts() {
 
 # ones NAME CONFIG SEED OPTIONS: as many frames by the recipe of MeshGraphNets.
 ones() {
-    name=$1 config=$2 seed=$3; shift 3
-    one "$name" new "$config" --set steps=17000 --set "seed=$seed" --set noise.deviation=0.0003 "$@" \
+    of=$1 config=$2 seed=$3; shift 3
+    one "$of" new "$config" --set steps=17000 --set "seed=$seed" --set noise.deviation=0.0003 "$@" \
         --set 'learning_rate={ kind = "cosine", warmup = 200, from = 1e-3, to = 5e-6, end = 17000 }'
 }
 
 for seed in 1 2; do
     rollouts "mlp-$seed" rp-mlp $seed
-    rollouts "gru5-$seed" rp-gru5 $seed --set dropout=0.0
-    rollouts "gru10-$seed" rp-gru10 $seed --set dropout=0.0
     ones "meshgraphnets-$seed" meshgraphnets $seed
     ones "meshgraphnets-ss-$seed" meshgraphnets-ss $seed \
         --set 'scheduled_sampling.truth={ kind = "linear", start = 5000, end = 17000, probability = 0.0 }' \
         --set scheduled_sampling.farthest=0.1
+done
+for seed in 1 2; do
+    rollouts "gru5-$seed" rp-gru5 $seed --set dropout=0.0
+    rollouts "gru10-$seed" rp-gru10 $seed --set dropout=0.0
 done
 
 evaluate --data data/square-100 --baselines rigid --horizons 1,10,50 --starts 3

@@ -127,6 +127,12 @@ pub trait Correctable: Stepper {
     /// Undoes the last [`Stepper::step`], also if its frame was replaced since: the cloth is as it
     /// was before that step. Does nothing unless that step came last and succeeded.
     fn undo_step(&mut self);
+
+    /// True if edges of the newest frame were beyond [`crate::Cloth::edge_bounds`] before the stepper itself
+    /// brought them back.
+    fn is_strained(&self) -> bool {
+        false
+    }
 }
 
 /// Implements the methods of [`Stepper`] that say what moves and where it is, and `stop_by`, by
@@ -186,6 +192,10 @@ impl<S: Stepper + ?Sized> Stepper for Box<S> {
 impl<S: Correctable + ?Sized> Correctable for Box<S> {
     fn replace_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
         (**self).replace_frame(positions)
+    }
+
+    fn is_strained(&self) -> bool {
+        (**self).is_strained()
     }
 
     fn take_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {

@@ -217,6 +217,7 @@ impl<S: Correctable> Guard<S> {
                 (false, false) => Verdict::Corrected,
             },
             physics_failed: false,
+            is_strained: self.inner.is_strained(),
             contact: ContactWord::Free,
             predicted,
             given,

@@ -110,6 +110,8 @@ pub struct Trust {
     /// The physics was asked for this frame and failed: the lost frame was carried.
     /// [`crate::Guard::physics_failure`] has the reason.
     pub physics_failed: bool,
+    /// The stepper itself brought back edges that were beyond their bounds.
+    pub is_strained: bool,
     /// Contact on the way to this frame.
     pub contact: ContactWord,
     /// Measures of the prediction; none if it failed or is not finite.
@@ -147,6 +149,9 @@ pub struct GuardSummary {
     pub corrected: usize,
     /// Frames that were lost.
     pub lost: usize,
+    /// Frames within bounds of which the stepper itself brought edges back.
+    #[serde(default)]
+    pub strained: usize,
     /// Lost frames that were replaced by the physics; the others were carried by the handles.
     #[serde(default)]
     pub lost_to_physics: usize,
@@ -171,7 +176,7 @@ impl GuardSummary {
         self.pushed_apart += usize::from(trust.contact == ContactWord::Pushed);
         self.lost_to_contact += usize::from(trust.contact == ContactWord::Lost);
         match trust.verdict {
-            Verdict::Held => {}
+            Verdict::Held => self.strained += usize::from(trust.is_strained),
             Verdict::Corrected => self.corrected += 1,
             Verdict::Lost { replaced_by } => {
                 self.lost += 1;
@@ -189,6 +194,7 @@ impl GuardSummary {
             frames: a.frames + b.frames,
             corrected: a.corrected + b.corrected,
             lost: a.lost + b.lost,
+            strained: a.strained + b.strained,
             lost_to_physics: a.lost_to_physics + b.lost_to_physics,
             physics_failures: a.physics_failures + b.physics_failures,
             pushed_apart: a.pushed_apart + b.pushed_apart,
@@ -234,14 +240,15 @@ impl GuardSummary {
     }
 
     /// The reason not to trust the motion: more than 3 % of its frames were beyond the guard's
-    /// bounds; none otherwise.
+    /// bounds, by the guard's judgement or before the stepper itself brought edges back; none otherwise.
     pub fn doubt_in_words(&self) -> Option<String> {
-        let beyond = self.corrected + self.lost;
-        (self.share() > MOST_BEYOND).then(|| {
+        let beyond = self.corrected + self.lost + self.strained;
+        let share = beyond as f64 / self.frames.max(1) as f64;
+        (share > MOST_BEYOND).then(|| {
             format!(
                 "{beyond} of {} frames were beyond the guard's bounds, {:.0} %: the model does not know such motion, and the solver does",
                 self.frames,
-                100.0 * self.share()
+                100.0 * share
             )
         })
     }
@@ -263,6 +270,8 @@ mod tests {
         summary.corrected = 3;
         let doubt = summary.doubt_in_words().unwrap();
         assert!(doubt.starts_with("4 of 100 frames"), "{doubt}");
+        (summary.corrected, summary.strained) = (2, 1);
+        assert_eq!(summary.doubt_in_words(), Some(doubt));
         assert_eq!(GuardSummary::default().doubt_in_words(), None);
     }
 }

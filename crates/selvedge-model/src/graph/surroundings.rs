@@ -128,8 +128,8 @@ impl Surroundings {
 
     /// Moves the frame `next` that comes after `current` `[m]`, `[vertices]`, by the least along gaps and
     /// edges, until what touches is at the thickness of contact and edges are within their bounds, or the rounds
-    /// are over. What is `held` stays.
-    pub(crate) fn keep_apart(&self, current: &[Vec3], next: &mut [Vec3], held: &[bool]) {
+    /// are over. What is `held` stays. Returns true if an edge was beyond its bounds.
+    pub(crate) fn keep_apart(&self, current: &[Vec3], next: &mut [Vec3], held: &[bool]) -> bool {
         let [from, mut to] = [(current, 0), (&*next, 1)].map(|(cloth, at)| {
             let cloth = cloth.iter().map(|p| p.as_dvec3());
             cloth
@@ -137,13 +137,14 @@ impl Surroundings {
                 .collect::<Vec<_>>()
         });
         if !to.iter().all(|p| p.is_finite()) {
-            return;
+            return false;
         }
         let (mesh, settings) = (&self.fixed.mesh, &self.fixed.settings);
         let most = self.fixed.obstacles.iter().filter_map(Obstacle::thickness);
         let most = most.fold(settings.thickness, f64::max);
         let candidates = self.pairs([&from, &to], 2.0 * most, settings.self_contact);
         let free = |p: u32| f64::from(u8::from(held.get(p as usize) == Some(&false)));
+        let mut is_strained = false;
         for _ in 0..ROUNDS {
             let mut has_moved = false;
             for pair in candidates.pairs() {
@@ -177,7 +178,7 @@ impl Surroundings {
                 let change = vector * ((goal / length - 1.0) / both);
                 to[ends[0]] += shares[0] * change;
                 to[ends[1]] -= shares[1] * change;
-                has_moved = true;
+                (has_moved, is_strained) = (true, true);
             }
             if !has_moved {
                 break;
@@ -186,6 +187,7 @@ impl Surroundings {
         for (next, to) in next.iter_mut().zip(&to) {
             *next = to.as_vec3();
         }
+        is_strained
     }
 
     /// What each vertex sees, given the last two frames `[m]`, `[vertices]` `[eq:nearness]`.
@@ -337,7 +339,7 @@ mod tests {
                 .pairs()
                 .is_empty()
         );
-        seen.keep_apart(&current, &mut next, &[false; 6]);
+        assert!(!seen.keep_apart(&current, &mut next, &[false; 6]));
         assert_eq!(next, before);
     }
 
@@ -369,7 +371,7 @@ mod tests {
         ] {
             let mut next = current.clone();
             next[3] += way;
-            seen.keep_apart(&current, &mut next, &[false; 6]);
+            assert!(seen.keep_apart(&current, &mut next, &[false; 6]));
             for (edge, length) in topology.edges().iter().zip(&long) {
                 let [a, b] = edge.vertices.map(|v| next[v.index()]);
                 let stretch = f64::from(a.distance(b)) / length;

@@ -77,7 +77,7 @@ impl<V: Copy + Add<Output = V> + Sub<Output = V>> TwoFrames<'_, V> {
 
 /// Sets `next` to the frame after `frames` (in the world): the acceleration is integrated, handles take
 /// their targets `next_handles`, and what the cloth touches keeps it at the thickness of contact
-/// `[eq:separation]`.
+/// `[eq:separation]`, with edges within their bounds. Returns true if they were not before.
 ///
 /// # Errors
 /// [`NonFinite`] names the first vertex whose position is not finite.
@@ -89,15 +89,15 @@ pub fn advance(
     next_handles: &[Vec3],
     acceleration: LocalAcceleration<'_>,
     next: &mut [Vec3],
-) -> Result<(), NonFinite> {
+) -> Result<bool, NonFinite> {
     let LocalAcceleration { yaw, rows } = acceleration;
     let rows = rows.as_chunks::<3>().0.iter();
     let accelerations = rows.map(|a| yaw.to_world(Vec3::from_array(*a)));
     frames.moved(accelerations, next_handles.iter().copied(), next);
-    if let Some(surroundings) = frames.graph.surroundings() {
-        surroundings.keep_apart(frames.current, next, frames.graph.handle_mask());
-    }
-    require_finite(next)
+    let surroundings = frames.graph.surroundings();
+    let is_strained = surroundings
+        .is_some_and(|around| around.keep_apart(frames.current, next, frames.graph.handle_mask()));
+    require_finite(next).map(|()| is_strained)
 }
 
 /// Adds to `previous` and `current` the gradient of the last two frames for the gradient `by_next`

@@ -29,6 +29,8 @@ pub(super) struct RolloutState {
     /// Yaw before the last step, while that step can be undone: `next` then holds the frame that
     /// left the history.
     yaw_before: Option<Yaw>,
+    /// The last step brought back edges that were beyond their bounds.
+    pub(super) is_strained: bool,
     frame: usize,
     features: Window,
     acceleration: Vec<f32>,
@@ -94,6 +96,7 @@ impl RolloutState {
             yaw,
             yaw_of_step: yaw,
             yaw_before: None,
+            is_strained: false,
             frame: 0,
             features: Window::default(),
             acceleration: Vec::new(),
@@ -187,7 +190,8 @@ impl RolloutState {
             rows: &self.acceleration,
         };
         let advanced = advance(&frames, &self.next_handles, acceleration, &mut self.next);
-        advanced.map_err(not_finite(self.frame + 1))
+        self.is_strained = advanced.map_err(not_finite(self.frame + 1))?;
+        Ok(())
     }
 
     /// Takes the predicted frame as the newest.

@@ -173,6 +173,10 @@ impl<I: Inference> Correctable for LearnedStepper<I> {
     fn undo_step(&mut self) {
         self.state.undo_step();
     }
+
+    fn is_strained(&self) -> bool {
+        self.state.is_strained
+    }
 }
 
 #[cfg(test)]
