@@ -5,7 +5,7 @@ use std::f64::consts::FRAC_PI_2;
 
 use glam::{DVec2, DVec3, Vec2};
 use selvedge_cloth::generate::{Shape, SheetSpec, sheet};
-use selvedge_cloth::{Drape, HandleTargets, Handles, Material, Mesh, Scene, Stepper};
+use selvedge_cloth::{Drape, HandleTargets, Handles, Material, Mesh, Scene, Stepper, StretchTable};
 use selvedge_sim::{Simulator, sag};
 
 use crate::scenes::{DENIM, material};
@@ -149,7 +149,7 @@ fn irregular_hinges_bend_like_a_plate_of_poissons_ratio_minus_a_third() {
 /// Tip of a cantilever of length 1 under its weight, whose bending length is `c`: how far out and
 /// how far down, by the elastica.
 fn elastica(c: f64) -> (f64, f64) {
-    const STEPS: usize = 2000;
+    const STEPS: usize = 200;
     // From the free end: θ'' = -s cos θ/c³, θ' = 0 there, θ = 0 at the clamp.
     let shoot = |tip: f64| {
         let h = 1.0 / STEPS as f64;
@@ -316,7 +316,7 @@ fn heart(c: f64) -> Vec<DVec2> {
 }
 
 /// Error of the depth of a heart loop of 400 mm, 100 mm wide, of bending length 50 mm, in parts of it.
-fn heart_loop(half: (Vec<DVec2>, Vec<[u32; 3]>)) -> f64 {
+fn heart_loop(half: (Vec<DVec2>, Vec<[u32; 3]>), in_plane: f64) -> f64 {
     let (length, clamp) = (0.4, 1e-3);
     let shape = heart(0.05 / (0.5 * length));
     let place = |p: DVec2| {
@@ -345,7 +345,7 @@ fn heart_loop(half: (Vec<DVec2>, Vec<[u32; 3]>)) -> f64 {
         .filter(|(_, p)| p.y.abs() > 0.5 * length - 1e-9)
         .map(|(v, _)| v)
         .collect();
-    let rest = hanging(mesh, &held, 0.05, IN_PLANE[0]);
+    let rest = hanging(mesh, &held, 0.05, in_plane);
     let top = shape[shape.len() - 1].y * 0.5 * length;
     let lowest = bottom.iter().map(|v| rest[*v as usize].y).sum::<f64>() / bottom.len() as f64;
     (top - lowest) / top - 1.0
@@ -356,15 +356,17 @@ fn a_heart_loop_hangs_as_deep_as_the_elastica() {
     // Peirce: without weight 0.1337 of its length.
     let depth = 0.5 * heart(1e3)[400].y;
     assert!((depth - 0.1337).abs() < 5e-4, "{depth}");
-    let found = errors(0.1, 0.2, heart_loop);
-    println!("heart loop: {found:.4?}");
-    let [squares, mean, largest] = found;
-    for (k, most) in [0.03, 0.03, 0.02].into_iter().enumerate() {
-        assert!(
-            squares[k].abs() < 0.015 && mean[k].abs() < most,
-            "{found:.4?}"
-        );
-        assert!(largest[k] < 0.075, "{found:.4?}");
+    for in_plane in IN_PLANE {
+        let found = errors(0.1, 0.2, |mesh| heart_loop(mesh, in_plane));
+        println!("heart loop, {in_plane} N/m: {found:.4?}");
+        let [squares, mean, largest] = found;
+        for (k, most) in [0.03, 0.04, 0.02].into_iter().enumerate() {
+            assert!(
+                squares[k].abs() < 0.05 && mean[k].abs() < most,
+                "{found:.4?}"
+            );
+            assert!(largest[k] < 0.075, "{found:.4?}");
+        }
     }
 }
 
@@ -393,13 +395,15 @@ fn gripped(half: (Vec<DVec2>, Vec<[u32; 3]>), fabric: &Material, degrees: f64) -
 
 #[test]
 fn a_strip_between_grips_has_the_energy_of_finer_meshes() {
-    // Denim's threads are 4 and 19 times as stiff as its shear; 4 is a sheet without threads.
-    let (denim, plain) = (material(DENIM), isotropic(elastic(5e6, 0.0, 2e-4), 0.2));
+    // Denim's threads are 4 and 19 times as stiff as its shear, an isotropic sheet 1 as stiff.
+    let denim = material(DENIM);
+    let mut loose = isotropic(elastic(5e6, 0.0, 2e-4), 0.2);
+    loose.stretch = StretchTable([[500.0, 0.0, 500.0, 250.0]; 6]);
     for (fabric, degrees, most) in [
         (&denim, 0.0, 0.03),
         (&denim, 45.0, 0.06),
         (&denim, 90.0, 0.03),
-        (&plain, 45.0, 0.01),
+        (&loose, 45.0, 0.015),
     ] {
         let fine = gripped(regular(0.05, 0.1, 0.0025), fabric, degrees);
         for (name, energies) in [
