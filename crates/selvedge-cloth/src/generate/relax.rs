@@ -3,7 +3,7 @@
 //! In a relaxation step each inner vertex moves to the mean of the circumcentres of its faces,
 //! weighted by their areas (Chen and Holst 2011, Efficient mesh optimization schemes based on
 //! optimal Delaunay triangulations, §3: the minimum of the interpolation error of x² over the
-//! vertex's star; over the fourth power of the spacing where it is graded, §5), and all is
+//! vertex's star), over the fourth power of the spacing where it is graded, and all is
 //! triangulated anew. Like Lloyd's iteration it comes near equal spacing
 //! without lining vertices up. No mathematical library is called: results are the same everywhere.
 
