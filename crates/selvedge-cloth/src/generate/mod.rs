@@ -192,7 +192,7 @@ pub fn sheet(spec: &SheetSpec) -> Result<Sheet, SceneError> {
         return tube::tube(spec, width);
     }
     let cut = (spec.shape).cut(width / spec.size, spec.vertices, spec.seed);
-    let flat = sheet_from_outline(&cut.loops, &cut.ridge, spec.vertices, spec.seed)?;
+    let flat = sheet_from_outline(&cut, spec.vertices, spec.seed)?;
     let coordinates: Vec<DVec2> = flat.points.iter().map(|p| spec.size * *p).collect();
     let extent = spec.size * cut.extent;
     let hang = |c: &DVec2| DVec3::new(0.0, c.y - extent.y, c.x - extent.x / 2.0);

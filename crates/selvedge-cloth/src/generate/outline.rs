@@ -8,6 +8,7 @@
 use super::boundary::{fitting_spacing, region_area, sample_boundary};
 use super::relax::{relaxed, triangulate};
 use super::scatter::scatter;
+use super::shapes::Cut;
 use crate::error::SceneError;
 use glam::DVec2;
 use rand_chacha::ChaCha8Rng;
@@ -31,36 +32,30 @@ pub(super) struct FlatSheet {
     pub(super) boundary_count: usize,
 }
 
-/// Covers the region within `loops` (the first outermost, the others holes in it; either
-/// direction) with exactly `count` vertices, some of which are the points of the `ridge` within it.
+/// Covers the region within the loops of a cut (the first outermost, the others holes in it; either
+/// direction) with exactly `count` vertices, some of which are the points of the ridge within it.
 ///
 /// # Errors
 /// More corners than `count`, a region that is (nearly) a line, an outline that
 /// crosses itself.
 pub(super) fn sheet_from_outline(
-    loops: &[Vec<DVec2>],
-    ridge: &[DVec2],
+    cut: &Cut,
     count: usize,
     seed: u64,
 ) -> Result<FlatSheet, SceneError> {
-    let needed = loops.iter().map(Vec::len).sum::<usize>() + ridge.len();
+    let needed = cut.loops.iter().map(Vec::len).sum::<usize>() + cut.ridge.len();
     if count < needed {
         return Err(too_few(count, needed));
     }
-    check_area(loops)?;
-    let spacing = fitting_spacing(loops, count);
-    let mut boundary = sample_boundary(loops, spacing);
+    check_area(&cut.loops)?;
+    let spacing = fitting_spacing(&cut.loops, count);
+    let mut boundary = sample_boundary(&cut.loops, spacing);
     let boundary_count = boundary.points.len();
-    boundary.points.extend(ridge);
+    boundary.points.extend(&cut.ridge);
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let inside = scatter(
-        loops,
-        &boundary,
-        count - boundary.points.len(),
-        spacing,
-        &mut rng,
-    );
-    let mut points = relaxed(loops, &boundary, inside, &mut rng)?;
+    let count = count - boundary.points.len();
+    let inside = scatter(cut, &boundary, count, spacing, &mut rng);
+    let mut points = relaxed(cut, &boundary, inside, &mut rng)?;
     // Rows from top to bottom: neighbours in space are near in memory.
     points[boundary_count..].sort_by(|a, b| {
         let row = |p: &DVec2| (p.y / spacing).floor();

@@ -37,7 +37,7 @@ pub enum Shape {
     /// A disc of diameter 1.
     Disc,
     /// The disc of the drape test: of diameter 1, with a ring of vertices at 0.3 from its middle,
-    /// where the clamp ends.
+    /// where the clamp ends. Outside of it, up to 0.383, edges are 1/60 long, or half as long as elsewhere.
     DrapeDisc,
     /// 1 × 1 without its lower right quarter.
     LShape,
@@ -53,6 +53,12 @@ const TRIANGLE_HANDLES: usize = 17;
 const HOLE_RADIUS: f64 = 0.2;
 /// 90 mm of a sheet of 150 mm radius.
 const CLAMP_RADIUS: f64 = 0.3;
+/// Folds begin beside the clamp. In a band of 25 mm outside of it edges are 5 mm long, or half as long
+/// as elsewhere (a target spacing is a twentieth less); beyond it and within the clamp they grow over
+/// 15 mm.
+const CLAMP_SPACING: f64 = 0.016;
+const CLAMP_BAND: f64 = 1.0 / 12.0;
+const CLAMP_SLOPE: f64 = 0.05;
 const RANDOM_AREA: f64 = 0.7;
 /// Directions between two corners of a random shape, from which a corner is at most
 /// [`RANDOM_SWAY`] away.
@@ -72,6 +78,8 @@ pub(super) enum Label {
     WithinRidge,
 }
 
+type Labels = Vec<(&'static str, Label)>;
+
 /// An outline for size 1, within 0..`extent`.
 #[derive(Clone, Debug)]
 pub(super) struct Cut {
@@ -79,7 +87,9 @@ pub(super) struct Cut {
     pub(super) loops: Vec<Vec<DVec2>>,
     /// Vertices that lie where they are, within the outline: a convex loop, or none.
     pub(super) ridge: Vec<DVec2>,
-    pub(super) labels: Vec<(&'static str, Label)>,
+    /// Spacing of vertices beside the clamp of the drape disc and elsewhere, over that of an even mesh.
+    pub(super) spacing: [f64; 2],
+    pub(super) labels: Labels,
     pub(super) extent: DVec2,
 }
 
@@ -107,7 +117,7 @@ impl Shape {
             Self::Wide => wide(),
             Self::Triangle => triangle(),
             Self::Diamond => diamond(),
-            Self::Disc => disc(count),
+            Self::Disc => disc(count, 1.0),
             Self::DrapeDisc => drape_disc(count),
             Self::LShape => l_shape(),
             Self::Holed => holed(count),
@@ -174,9 +184,9 @@ fn l_shape() -> Cut {
     cut
 }
 
-fn disc(count: usize) -> Cut {
+fn disc(count: usize, far: f64) -> Cut {
     let radius = 0.5;
-    let sides = circle_sides(radius, Shape::Disc.unit_area(), PI * radius, count);
+    let sides = circle_sides(radius / far, Shape::Disc.unit_area(), PI * radius, count);
     // The circle starts at its upper left, an eighth of a turn before its top.
     let labels = vec![
         ("upper-corners", Label::Corners(vec![0, sides / 4])),
@@ -187,8 +197,13 @@ fn disc(count: usize) -> Cut {
 }
 
 fn drape_disc(count: usize) -> Cut {
-    let mut cut = disc(count);
-    let sides = circle_sides(CLAMP_RADIUS, Shape::Disc.unit_area(), PI / 2.0, count);
+    let area = Shape::Disc.unit_area();
+    let near = (CLAMP_SPACING / spacing(area, PI / 2.0, count.max(1))).clamp(0.7, 1.0);
+    // As many vertices as of an even disc, as if 0.32 of this one were beside the clamp.
+    let far = near * (0.68 / (near * near - 0.32)).sqrt();
+    let mut cut = disc(count, far);
+    cut.spacing = [near, far];
+    let sides = circle_sides(CLAMP_RADIUS / near, area, PI / 2.0, count);
     cut.ridge = circle(DVec2::splat(0.5), CLAMP_RADIUS, sides);
     cut.labels.push(("clamped", Label::WithinRidge));
     cut
@@ -232,11 +247,20 @@ fn random(seed: u64) -> Cut {
 }
 
 impl Cut {
+    /// Spacing of vertices at a place, over that of an even mesh.
+    pub(super) fn part(&self, place: DVec2) -> f64 {
+        let beyond = place.distance(DVec2::splat(0.5)) - CLAMP_RADIUS;
+        let part = (beyond - CLAMP_BAND).max(-beyond) / CLAMP_SLOPE;
+        let [near, far] = self.spacing;
+        near + (far - near) * part.clamp(0.0, 1.0)
+    }
+
     /// An outline without holes and without a ridge.
-    fn of(outline: Vec<DVec2>, extent: DVec2, labels: Vec<(&'static str, Label)>) -> Self {
+    pub(super) fn of(outline: Vec<DVec2>, extent: DVec2, labels: Labels) -> Self {
         Self {
             loops: vec![outline],
             ridge: Vec::new(),
+            spacing: [1.0; 2],
             labels,
             extent,
         }
@@ -296,6 +320,22 @@ mod tests {
             // One rounding of a sum of order 1, and those of its first terms.
             assert!((sin - angle.sin()).abs() < 5e-16, "{angle}");
             assert!((cos - angle.cos()).abs() < 5e-16, "{angle}");
+        }
+    }
+
+    #[test]
+    fn a_graded_disc_has_as_many_vertices_as_an_even_one() {
+        for count in [289, 1720, 2100, 3000, 9000] {
+            let cut = drape_disc(count);
+            let place = |r: f64| DVec2::new(0.5 + r, 0.5);
+            let rings = (0..10_000).map(|k| (f64::from(k) + 0.5) / 20_000.0);
+            let mean: f64 = rings.map(|r| 4e-4 * r / cut.part(place(r)).powi(2)).sum();
+            assert!((mean - 1.0).abs() < 0.02, "{count}: {mean}");
+            let apart = 0.3 * cut.part(place(0.35)) * spacing(PI / 4.0, PI / 2.0, count);
+            assert!(
+                !(1700..=3300).contains(&count) || (apart - 4.8e-3).abs() < 1e-6,
+                "{count}: {apart} m"
+            );
         }
     }
 

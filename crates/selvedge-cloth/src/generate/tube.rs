@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 
 use super::boundary::spacing;
 use super::outline::{sheet_from_outline, too_few};
-use super::{Sheet, SheetSpec};
+use super::{Cut, Sheet, SheetSpec};
 use crate::Mesh;
 use crate::error::SceneError;
 use crate::geometry::sin_cos;
@@ -27,7 +27,8 @@ pub(super) fn tube(spec: &SheetSpec, width: f64) -> Result<Sheet, SceneError> {
     let bottom = (0..around).map(|k| DVec2::new(width * at(around - k, around), 0.0));
     let left_side = (0..sides).map(|k| DVec2::new(0.0, height * at(k, sides)));
     let outline: Vec<DVec2> = top.chain(right).chain(bottom).chain(left_side).collect();
-    let flat = sheet_from_outline(&[outline], &[], spec.vertices + sides + 1, spec.seed)?;
+    let cut = Cut::of(outline, DVec2::ZERO, Vec::new());
+    let flat = sheet_from_outline(&cut, spec.vertices + sides + 1, spec.seed)?;
     let (left, upper) = (0, around);
     let (lower, lower_left) = (around + sides, 2 * around + sides);
     // The boundary runs along the top, down the right side, along the bottom and up the left one.

@@ -5,7 +5,7 @@ use std::f64::consts::FRAC_PI_2;
 
 use glam::{DVec2, DVec3, Vec2};
 use selvedge_cloth::generate::{Shape, SheetSpec, sheet};
-use selvedge_cloth::{Drape, HandleTargets, Handles, Mesh, Scene, Stepper};
+use selvedge_cloth::{Drape, HandleTargets, Handles, Material, Mesh, Scene, Stepper, StretchTable};
 use selvedge_sim::{Simulator, sag};
 
 use crate::scenes::{DENIM, material};
@@ -149,7 +149,7 @@ fn irregular_hinges_bend_like_a_plate_of_poissons_ratio_minus_a_third() {
 /// Tip of a cantilever of length 1 under its weight, whose bending length is `c`: how far out and
 /// how far down, by the elastica.
 fn elastica(c: f64) -> (f64, f64) {
-    const STEPS: usize = 2000;
+    const STEPS: usize = 200;
     // From the free end: θ'' = -s cos θ/c³, θ' = 0 there, θ = 0 at the clamp.
     let shoot = |tip: f64| {
         let h = 1.0 / STEPS as f64;
@@ -201,8 +201,9 @@ fn the_elastica_has_the_bending_length_of_the_standard() {
 
 /// Error of the bending length that an overhang of 100 mm, 200 mm wide, shows at about 41.5°, in
 /// parts of it. So wide, it bends as a plate, whatever its Poisson's ratio. It is held along a line, from
-/// which its mirror image hangs on the other side, or all of that side is `clamped`.
-fn cantilever(half: (Vec<DVec2>, Vec<[u32; 3]>), is_clamped: bool) -> f64 {
+/// which its mirror image hangs on the other side, or all of that side is `clamped`. `in_plane` is E h
+/// `[N/m]`.
+fn cantilever(half: (Vec<DVec2>, Vec<[u32; 3]>), is_clamped: bool, in_plane: f64) -> f64 {
     let overhang = 0.1;
     let (mesh, mut edge) = doubled(half, |p| {
         let fall = if is_clamped { (-p.y).max(0.0) } else { p.y.abs() };
@@ -215,14 +216,18 @@ fn cantilever(half: (Vec<DVec2>, Vec<[u32; 3]>), is_clamped: bool) -> f64 {
     let tips: Vec<usize> = (0..mesh.positions().len())
         .filter(|v| mesh.material_coordinates()[*v].y < -overhang + 1e-9)
         .collect();
-    let rest = hanging(mesh, &edge, 0.5 * overhang);
+    let rest = hanging(mesh, &edge, 0.5 * overhang, in_plane);
     let tip = tips.iter().map(|v| rest[*v]).sum::<DVec3>() / tips.len() as f64;
     bending_length((-tip.y / tip.x.abs()).atan()) * overhang / (0.5 * overhang) - 1.0
 }
 
-/// Places of a sheet of this bending length `[m]` that hangs from `held`, with even bending.
-fn hanging(mesh: Mesh, held: &[u32], bending_length: f64) -> Vec<DVec3> {
-    let (sheet, density) = (elastic(2e8, 0.3, 2e-4), 0.2);
+/// E h of a sheet that hardly stretches, and of a fabric under the small loads of a drape `[N/m]`.
+const IN_PLANE: [f64; 2] = [40_000.0, 1000.0];
+
+/// Places of a sheet of this bending length `[m]` and this E h `[N/m]` that hangs from `held`, with even
+/// bending.
+fn hanging(mesh: Mesh, held: &[u32], bending_length: f64, in_plane: f64) -> Vec<DVec3> {
+    let (sheet, density) = (elastic(in_plane / 2e-4, 0.3, 2e-4), 0.2);
     let wanted = bending_length.powi(3) * density * GRAVITY;
     let material = isotropic(sheet, density).multiplied(1.0, wanted / sheet.plate_stiffness());
     let mut scene = scene(mesh, material, held);
@@ -248,17 +253,23 @@ fn errors(
 
 #[test]
 fn a_cantilever_has_its_bending_length() {
-    for is_clamped in [false, true] {
-        let found = errors(0.2, 0.1, |mesh| cantilever(mesh, is_clamped));
-        println!("cantilever, clamped {is_clamped}: {found:.4?}");
+    for (is_clamped, in_plane) in [false, true]
+        .into_iter()
+        .flat_map(|is_clamped| IN_PLANE.map(|in_plane| (is_clamped, in_plane)))
+    {
+        let found = errors(0.2, 0.1, |mesh| cantilever(mesh, is_clamped, in_plane));
+        println!("cantilever, clamped {is_clamped}, {in_plane} N/m: {found:.4?}");
         // A clamp's hinges bend on one side. As soft as others they are 3 to 7 % too limp, on all meshes.
         let [squares, mean, largest] = found;
-        for (k, most) in [0.04, 0.02, 0.02].into_iter().enumerate() {
-            assert!(
-                squares[k].abs() < 0.025 && mean[k].abs() < most,
-                "{found:.4?}"
-            );
-            assert!(largest[k] < 0.06, "{found:.4?}");
+        let is_fabric = in_plane == IN_PLANE[1];
+        // Faces of constant strain lock a coarse sheet that hardly stretches and is held along a line.
+        let bounds = if is_fabric { [0.02, 0.015, 0.015] } else { [0.04, 0.02, 0.02] };
+        for (k, most) in bounds.into_iter().enumerate() {
+            assert!(mean[k].abs() < most, "{found:.4?}");
+            let on_squares = if is_fabric { 0.055 } else { 0.025 };
+            assert!(squares[k].abs() < on_squares, "{found:.4?}");
+            // Evened out for curvatures that the clamp forbids, its hinges were 4.3, 2.1, 1.6 % off.
+            assert!(largest[k] < 1.5 * most, "{found:.4?}");
         }
     }
 }
@@ -305,7 +316,7 @@ fn heart(c: f64) -> Vec<DVec2> {
 }
 
 /// Error of the depth of a heart loop of 400 mm, 100 mm wide, of bending length 50 mm, in parts of it.
-fn heart_loop(half: (Vec<DVec2>, Vec<[u32; 3]>)) -> f64 {
+fn heart_loop(half: (Vec<DVec2>, Vec<[u32; 3]>), in_plane: f64) -> f64 {
     let (length, clamp) = (0.4, 1e-3);
     let shape = heart(0.05 / (0.5 * length));
     let place = |p: DVec2| {
@@ -334,7 +345,7 @@ fn heart_loop(half: (Vec<DVec2>, Vec<[u32; 3]>)) -> f64 {
         .filter(|(_, p)| p.y.abs() > 0.5 * length - 1e-9)
         .map(|(v, _)| v)
         .collect();
-    let rest = hanging(mesh, &held, 0.05);
+    let rest = hanging(mesh, &held, 0.05, in_plane);
     let top = shape[shape.len() - 1].y * 0.5 * length;
     let lowest = bottom.iter().map(|v| rest[*v as usize].y).sum::<f64>() / bottom.len() as f64;
     (top - lowest) / top - 1.0
@@ -345,21 +356,23 @@ fn a_heart_loop_hangs_as_deep_as_the_elastica() {
     // Peirce: without weight 0.1337 of its length.
     let depth = 0.5 * heart(1e3)[400].y;
     assert!((depth - 0.1337).abs() < 5e-4, "{depth}");
-    let found = errors(0.1, 0.2, heart_loop);
-    println!("heart loop: {found:.4?}");
-    let [squares, mean, largest] = found;
-    for (k, most) in [0.03, 0.03, 0.02].into_iter().enumerate() {
-        assert!(
-            squares[k].abs() < 0.015 && mean[k].abs() < most,
-            "{found:.4?}"
-        );
-        assert!(largest[k] < 0.075, "{found:.4?}");
+    for in_plane in IN_PLANE {
+        let found = errors(0.1, 0.2, |mesh| heart_loop(mesh, in_plane));
+        println!("heart loop, {in_plane} N/m: {found:.4?}");
+        let [squares, mean, largest] = found;
+        for (k, most) in [0.03, 0.04, 0.02].into_iter().enumerate() {
+            assert!(
+                squares[k].abs() < 0.05 && mean[k].abs() < most,
+                "{found:.4?}"
+            );
+            assert!(largest[k] < 0.075, "{found:.4?}");
+        }
     }
 }
 
-/// Energy `[J]` of a strip of 50 by 200 mm of denim between grips that draw it out by 5 %, its length at
-/// an angle from u. Without gravity.
-fn gripped(half: (Vec<DVec2>, Vec<[u32; 3]>), degrees: f64) -> f64 {
+/// Energy `[J]` of a strip of 50 by 200 mm between grips that draw it out by 5 %, its length at an angle
+/// from u. Without gravity.
+fn gripped(half: (Vec<DVec2>, Vec<[u32; 3]>), fabric: &Material, degrees: f64) -> f64 {
     let (mesh, _) = doubled(half, |p| DVec3::new(0.0, 1.05 * p.y, p.x));
     let ends = mesh.material_coordinates().iter().enumerate();
     let ends = ends.filter(|(_, p)| p.y.abs() > 0.1 - 1e-9);
@@ -372,7 +385,7 @@ fn gripped(half: (Vec<DVec2>, Vec<[u32; 3]>), degrees: f64) -> f64 {
         .collect();
     let positions = mesh.positions().to_vec();
     let mesh = Mesh::new(&mesh.topology().face_indices(), points, positions).unwrap();
-    let mut scene = scene(mesh, material(DENIM), &held);
+    let mut scene = scene(mesh, fabric.clone(), &held);
     scene.environment.gravity = DVec3::ZERO;
     let rest = sag(&scene).unwrap().positions;
     let still = vec![DVec3::ZERO; rest.len()];
@@ -382,22 +395,30 @@ fn gripped(half: (Vec<DVec2>, Vec<[u32; 3]>), degrees: f64) -> f64 {
 
 #[test]
 fn a_strip_between_grips_has_the_energy_of_finer_meshes() {
-    for degrees in [0.0, 45.0, 90.0] {
-        let fine = gripped(regular(0.05, 0.1, 0.0025), degrees);
+    // Denim's threads are 4 and 19 times as stiff as its shear, an isotropic sheet 1 as stiff.
+    let denim = material(DENIM);
+    let mut loose = isotropic(elastic(5e6, 0.0, 2e-4), 0.2);
+    loose.stretch = StretchTable([[500.0, 0.0, 500.0, 250.0]; 6]);
+    for (fabric, degrees, most) in [
+        (&denim, 0.0, 0.03),
+        (&denim, 45.0, 0.06),
+        (&denim, 90.0, 0.03),
+        (&loose, 45.0, 0.015),
+    ] {
+        let fine = gripped(regular(0.05, 0.1, 0.0025), fabric, degrees);
         for (name, energies) in [
             (
                 "regular",
-                SPACINGS.map(|h| gripped(regular(0.05, 0.1, h), degrees)),
+                SPACINGS.map(|h| gripped(regular(0.05, 0.1, h), fabric, degrees)),
             ),
             (
                 "irregular",
-                SPACINGS.map(|h| gripped(irregular(0.05, 0.1, h, 1), degrees)),
+                SPACINGS.map(|h| gripped(irregular(0.05, 0.1, h, 1), fabric, degrees)),
             ),
         ] {
             let errors = energies.map(|energy| energy / fine - 1.0);
-            println!("grips {degrees} {name} {errors:.4?}");
-            // Along the bias a strip of three faces across is too stiff at its grips.
-            let most = if degrees == 45.0 { 0.06 } else { 0.03 };
+            println!("grips {} {degrees} {name} {errors:.4?}", fabric.name);
+            // Faces of constant strain lock where they shear along threads that hardly stretch.
             assert!(errors[0].abs() < most, "{degrees}° {name}: {errors:.4?}");
         }
     }

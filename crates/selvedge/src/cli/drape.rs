@@ -19,7 +19,7 @@ pub(crate) enum DrapeCommand {
 /// How drapes are made.
 #[derive(Debug, Args)]
 pub(crate) struct DrapedArgs {
-    /// Vertices of the disc: 15, 10, 7 and 5 mm apart are 410, 870, 1720 and 3300.
+    /// Vertices: 1720, 2250 and 3300 are edges of 10, 7 and 5 mm, beside the clamp of 5 mm.
     #[arg(long, value_name = "N", default_value = "1720", value_parser = clap::value_parser!(u32).range(100..=100_000))]
     pub(crate) vertices: u32,
     /// Drapes that are made at once [default: as many as there are processors].

@@ -197,6 +197,7 @@ fn an_outline_without_area_or_that_crosses_itself_is_an_error() {
     let polygon = |points: &[(f64, f64)]| -> Vec<DVec2> {
         points.iter().map(|&(x, y)| DVec2::new(x, y)).collect()
     };
+    let cut = |outline| Cut::of(outline, DVec2::ONE, Vec::new());
     let square = [(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)];
     let shapes = [
         vec![polygon(&[(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)])],
@@ -207,20 +208,22 @@ fn an_outline_without_area_or_that_crosses_itself_is_an_error() {
         vec![],
     ];
     for loops in shapes {
-        let error = sheet_from_outline(&loops, &[], 60, 0)
-            .unwrap_err()
-            .to_string();
+        let cut = Cut {
+            loops,
+            ..cut(vec![])
+        };
+        let error = sheet_from_outline(&cut, 60, 0).unwrap_err().to_string();
         assert!(error.starts_with("the outline encloses"), "{error}");
     }
     let bow = vec![DVec2::ZERO, DVec2::ONE, DVec2::X, DVec2::Y * 0.9];
-    let error = sheet_from_outline(&[bow], &[], 60, 0)
+    let error = sheet_from_outline(&cut(bow), 60, 0)
         .unwrap_err()
         .to_string();
     let crossed = "the sheet cannot be triangulated";
     assert!(error.starts_with(crossed), "{error}");
     // A strip across the diagonal, a thousandth of the rectangle around it, is covered.
     let strip = polygon(&[(0.0, 0.0), (1.0, 1.0), (1.0, 1.002)]);
-    let sheet = sheet_from_outline(&[strip], &[], 60, 0).unwrap();
+    let sheet = sheet_from_outline(&cut(strip), 60, 0).unwrap();
     assert!((area(&sheet) - 0.001).abs() < 1e-12);
 }
 

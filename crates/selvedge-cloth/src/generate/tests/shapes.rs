@@ -6,6 +6,7 @@ use std::ops::Range;
 use glam::{DVec2, DVec3};
 
 use super::quality;
+use crate::VertexId;
 use crate::generate::*;
 
 const SHAPES: [Shape; 10] = [
@@ -61,7 +62,8 @@ fn every_shape_has_its_count_area_topology_and_place() {
             let euler = vertices + topology.faces().len() - topology.edges().len();
             assert_eq!(euler, usize::from(shape != Shape::Holed), "{shape:?}");
             if vertices > 40 {
-                assert_well_formed(mesh, 25.0, 0.5..1.7, &format!("{shape:?} {vertices}"));
+                let edges = if shape == Shape::DrapeDisc { 0.35..2.4 } else { 0.5..1.7 };
+                assert_well_formed(mesh, 25.0, edges, &format!("{shape:?} {vertices}"));
             }
             let area: f64 = mesh.rest_shape(1.0).face_area.iter().sum();
             // A polygon within the disc, or around which the sheet is cut out.
@@ -267,7 +269,7 @@ fn a_tube_of_too_few_vertices_is_an_error_that_says_how_many_it_needs() {
 
 #[test]
 fn the_disc_of_the_drape_test_is_clamped_up_to_a_ring_of_vertices() {
-    for vertices in [289, 840, 3000] {
+    for (vertices, part) in [(289, 0.5), (840, 0.5), (3600, 1.0)] {
         let sheet = of(Shape::DrapeDisc, vertices);
         let from_middle = |v: &u32| {
             let place = sheet.mesh.material_coordinates()[*v as usize];
@@ -277,10 +279,23 @@ fn the_disc_of_the_drape_test_is_clamped_up_to_a_ring_of_vertices() {
         let rim = clamped
             .iter()
             .filter(|v| (from_middle(v) - 0.3).abs() < 1e-12);
-        // As near to each other as vertices elsewhere.
-        let (_, _, _, mean) = quality(&sheet.mesh);
-        let apart = 0.6 * PI / rim.count() as f64;
-        assert!((0.8..1.25).contains(&(apart / mean)), "{apart} {mean}");
+        // Beside the clamp half as far from each other as at the hem, or 1/60; those of the rim too.
+        let mesh = &sheet.mesh;
+        let lengths = mesh.pattern().edge_lengths();
+        let edges = || mesh.topology().edges().iter().zip(&lengths);
+        let mean_within = |from: f64, to: f64| {
+            let is_there = |v: VertexId| (from..to).contains(&from_middle(&(v.index() as u32)));
+            let there = edges().filter(|(edge, _)| edge.vertices.into_iter().all(is_there));
+            let lengths: Vec<f64> = there.map(|(_, length)| *length).collect();
+            lengths.iter().sum::<f64>() / lengths.len() as f64
+        };
+        let (mean, near) = (mean_within(0.0, 0.6), mean_within(0.2999, 0.39));
+        let (found, rim) = (near / mean_within(0.43, 0.6), 0.6 * PI / rim.count() as f64);
+        assert!((0.9..1.2).contains(&(found / part)), "{vertices}: {found}");
+        assert!(
+            (0.8..1.25).contains(&(rim / near)),
+            "{vertices}: {rim} {near}"
+        );
         // All within a little less are held.
         let count = |r: f64| (0..vertices as u32).filter(|v| from_middle(v) < r).count();
         assert!(clamped.len() >= count(0.2999 - 0.1 * mean), "{vertices}");
