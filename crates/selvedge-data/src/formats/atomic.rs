@@ -39,9 +39,6 @@ impl WriteError {
     }
 }
 
-/// Links that are followed before they are taken to go round in a circle, as Linux does.
-const MOST_LINKS: usize = 40;
-
 /// How the names of parts end: hidden files and folders beside their place. A writer that is killed
 /// leaves its part behind.
 const ENDING: &str = ".part";
@@ -184,31 +181,21 @@ fn replace<E: From<WriteError>>(
 /// permissions of what is there now.
 ///
 /// # Errors
-/// What is no regular file, links that lead round in a circle, and what the system says.
+/// What is no regular file, links that lead round in a circle, and what else the system says.
 pub fn target_of(path: &Path) -> io::Result<(PathBuf, Option<fs::Permissions>)> {
-    let mut path = path.to_owned();
-    for _ in 0..=MOST_LINKS {
-        if path.file_name().is_none() {
-            return Err(io::Error::other("the path names no file"));
-        }
-        let permissions = match fs::symlink_metadata(&path) {
-            Ok(found) if found.is_symlink() => {
-                path = folder_of(&path).join(fs::read_link(&path)?);
-                continue;
-            }
-            Ok(found) if found.is_dir() => {
-                return Err(io::Error::other("it is a folder, not a file"));
-            }
-            Ok(found) if !found.is_file() => {
-                return Err(io::Error::other("it is not a regular file"));
-            }
-            Ok(found) => Some(found.permissions()),
-            Err(error) if error.kind() == io::ErrorKind::NotFound => None,
-            Err(error) => return Err(error),
-        };
-        return Ok((path, permissions));
+    if path.file_name().is_none() {
+        return Err(io::Error::other("the path names no file"));
     }
-    Err(io::Error::other("its links lead round in a circle"))
+    match fs::metadata(path) {
+        Ok(found) if found.is_dir() => Err(io::Error::other("it is a folder, not a file")),
+        Ok(found) if !found.is_file() => Err(io::Error::other("it is not a regular file")),
+        Ok(found) => Ok((fs::canonicalize(path)?, Some(found.permissions()))),
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
+        Err(_) => match fs::read_link(path) {
+            Ok(link) => target_of(&folder_of(path).join(link)),
+            Err(_) => Ok((path.to_owned(), None)),
+        },
+    }
 }
 
 /// The folder that `path` is in.
@@ -400,7 +387,7 @@ mod tests {
         assert_eq!(fs::read(at("file")).unwrap(), b"new");
         symlink("round", at("round")).unwrap();
         let error = write_atomically(&at("round"), |_| Ok(()));
-        says(error.unwrap_err(), &["in a circle"]);
+        says(error.unwrap_err(), &["symbolic links"]);
         assert!(is_link(&at("round")));
     }
 
