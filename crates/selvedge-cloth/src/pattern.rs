@@ -220,12 +220,8 @@ impl<'a, P: PatternPoint> Pattern<'a, P> {
     /// Vertex of each point, `[points]`.
     pub fn vertices(&self) -> Vec<u32> {
         let mut vertices: Vec<u32> = (0..self.points.len() as u32).collect();
-        for (face, corners) in self
-            .topology
-            .faces()
-            .iter()
-            .zip(self.corners.unwrap_or_default())
-        {
+        let faces = self.topology.faces().iter();
+        for (face, corners) in faces.zip(self.corners.unwrap_or_default()) {
             for (vertex, &point) in face.iter().zip(corners) {
                 vertices[point as usize] = vertex.0;
             }

@@ -246,10 +246,8 @@ impl LiveCloth {
 
     /// Present places of the handles in the cloth that the hands are at `[m]`, `[handles]`.
     pub(crate) fn places(&self) -> Vec<DVec3> {
-        let places = self
-            .influences
-            .handles
-            .of(self.leader().stepper.positions());
+        let positions = self.leader().stepper.positions();
+        let places = self.influences.handles.of(positions);
         places.map(|p| p.as_dvec3()).collect()
     }
 

@@ -201,10 +201,8 @@ impl Simulator {
 
     /// Kinetic energy Σ m |v|²/2 `[J]`.
     pub fn kinetic_energy(&self) -> f64 {
-        self.vertex_mass()
-            .iter()
-            .zip(&self.state.velocities)
-            .map(|(mass, velocity)| 0.5 * mass * velocity.length_squared())
+        let all = self.vertex_mass().iter().zip(&self.state.velocities);
+        all.map(|(mass, velocity)| 0.5 * mass * velocity.length_squared())
             .sum()
     }
 

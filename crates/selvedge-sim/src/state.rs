@@ -38,12 +38,8 @@ impl State {
 
     /// Sets this to `now` + `weight` (`now` - `before`), all of the same size.
     pub(crate) fn extrapolate(&mut self, now: &Self, before: &Self, weight: f64) {
-        let states = self
-            .both_mut()
-            .into_iter()
-            .zip(now.both())
-            .zip(before.both());
-        for ((into, now), before) in states {
+        let states = self.both_mut().into_iter().zip(now.both());
+        for ((into, now), before) in states.zip(before.both()) {
             for ((into, now), before) in into.iter_mut().zip(now).zip(before) {
                 *into = *now + (*now - *before) * weight;
             }

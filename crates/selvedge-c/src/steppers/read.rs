@@ -133,9 +133,8 @@ pub unsafe extern "C" fn selvedge_copy_impulses(
     // SAFETY: as for this function.
     unsafe {
         copy(stepper, out, ("bodies", bodies), |cloth| {
-            cloth
-                .impulses()
-                .iter()
+            let impulses = cloth.impulses().iter();
+            impulses
                 .map(|one| [one.linear, one.angular].map(|v| v.to_array()))
                 .collect()
         })
@@ -175,12 +174,8 @@ pub unsafe extern "C" fn selvedge_copy_handles(
     // SAFETY: as for this function.
     unsafe {
         copy(stepper, out, ("handles", handles), |cloth| {
-            cloth
-                .handles()
-                .vertices()
-                .iter()
-                .map(|vertex| vertex.0)
-                .collect()
+            let vertices = cloth.handles().vertices().iter();
+            vertices.map(|vertex| vertex.0).collect()
         })
     }
 }

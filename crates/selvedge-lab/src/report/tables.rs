@@ -224,14 +224,9 @@ pub(super) fn times(timings: &[Timing]) -> String {
 /// The time that the physics needs for the error of each model, over the model's own; empty where
 /// there is no model or no physics.
 pub(super) fn equal_time(summaries: &[Summary], timings: &[Timing]) -> String {
-    let physics = summaries
-        .iter()
-        .filter(|summary| summary.kind == Kind::Physics);
-    let physics: Vec<&Summary> = physics.collect();
-    let models = summaries
-        .iter()
-        .filter(|summary| summary.kind == Kind::Model);
-    let models: Vec<&Summary> = models.collect();
+    let all_of = |kind| summaries.iter().filter(move |summary| summary.kind == kind);
+    let physics: Vec<&Summary> = all_of(Kind::Physics).collect();
+    let models: Vec<&Summary> = all_of(Kind::Model).collect();
     let frames = models.first().map_or(Vec::new(), |model| {
         model.after.iter().map(|at| at.frame).collect::<Vec<_>>()
     });

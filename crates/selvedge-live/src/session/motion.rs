@@ -136,11 +136,8 @@ impl Session {
         }
         if let Some(live) = &self.showing.live {
             let handles = &live.influences().handles;
-            let is_known = self
-                .control
-                .reach
-                .as_ref()
-                .is_some_and(|r| r.is_of(handles));
+            let reach = self.control.reach.as_ref();
+            let is_known = reach.is_some_and(|reach| reach.is_of(handles));
             if !is_known {
                 self.control.reach = Some(Reach::of(&live.ready().cloth, handles));
             }

@@ -268,12 +268,8 @@ fn external_force(
     let Some(air) = Air::around(graph) else {
         return;
     };
-    for (face, &area) in graph
-        .topology()
-        .faces()
-        .iter()
-        .zip(graph.cloth().face_area())
-    {
+    let faces = graph.topology().faces().iter();
+    for (face, &area) in faces.zip(graph.cloth().face_area()) {
         let corners = face.map(|v| v.index());
         let [a, b, c] = corners.map(|v| pose.current[v]);
         let relative = air.relative(corners, pose);

@@ -175,17 +175,12 @@ impl Contact {
             };
             let list = solve.collisions.list.iter().enumerate();
             solve.came_from = list.map(tape).collect();
-            let places = solve
-                .at
-                .positions
-                .iter()
-                .zip(&solve.changes[..])
-                .enumerate();
+            let places = solve.at.positions.iter().zip(&solve.changes[..]);
             let end = |(v, (at, change)): (usize, (&DVec3, &DVec3))| {
                 let start = self.start[v];
                 start + (*at + *change * gamma - start) / point
             };
-            before = places.map(end).collect();
+            before = places.enumerate().map(end).collect();
             last = Some(solve);
         }
     }

@@ -67,11 +67,8 @@ impl Contact {
                 }
                 return Ok(Outcome::Settled { moved });
             }
-            let part = self
-                .ccd
-                .earliest
-                .as_ref()
-                .map_or(0.0, |earliest| earliest.part);
+            let earliest = self.ccd.earliest.as_ref();
+            let part = earliest.map_or(0.0, |earliest| earliest.part);
             if round == rounds && self.release_squeezed(false) {
                 return Ok(Outcome::Released);
             }

@@ -71,11 +71,8 @@ impl Contact {
                 |force, carried| active.impulse(left, force, carried.filter(|_| looked_back)),
                 collisions,
             );
-            let solved = active
-                .system
-                .tape
-                .is_some()
-                .then(|| state.positions.clone());
+            let is_taped = active.system.tape.is_some();
+            let solved = is_taped.then(|| state.positions.clone());
             let outcome = self.resolve(left, span, state)?;
             self.received.add_pushes(left);
             if let (Some(tape), Some(solved)) = (&mut active.system.tape, solved) {

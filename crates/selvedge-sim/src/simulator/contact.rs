@@ -228,20 +228,14 @@ impl Simulator {
 
     /// Motions from their own paths to where the obstacles are led in the next frame, `[obstacles]`.
     pub fn obstacle_leads(&self) -> Vec<Rigid> {
-        let contact = self.contact.iter();
-        contact
-            .flat_map(|c| &c.bodies.shifts)
-            .map(|s| s.next)
-            .collect()
+        let shifts = self.contact.iter().flat_map(|c| &c.bodies.shifts);
+        shifts.map(|s| s.next).collect()
     }
 
     /// Motions of the obstacles away from their own paths now, `[obstacles]`.
     pub fn obstacle_offsets(&self) -> Vec<Rigid> {
-        let contact = self.contact.iter();
-        contact
-            .flat_map(|c| &c.bodies.shifts)
-            .map(|s| s.now)
-            .collect()
+        let shifts = self.contact.iter().flat_map(|c| &c.bodies.shifts);
+        shifts.map(|s| s.now).collect()
     }
 
     /// Momentum that each obstacle received from the cloth over the last frame

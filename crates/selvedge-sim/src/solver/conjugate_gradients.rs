@@ -336,12 +336,8 @@ impl ConjugateGradients {
         }
         let step = (size / curvature) as f32;
         let mut next = 0.0;
-        for (((solution, residual), direction), product) in solution
-            .iter_mut()
-            .zip(residual)
-            .zip(direction)
-            .zip(product)
-        {
+        let both = solution.iter_mut().zip(residual).zip(direction);
+        for (((solution, residual), direction), product) in both.zip(product) {
             *solution += *direction * step;
             *residual -= *product * step;
             next += f64::from(residual.length_squared());

@@ -113,12 +113,8 @@ impl Elements {
             sums.gravity += *multiplier * (mass * at.dt);
         }
         self.pull_faces(residual, by, sums);
-        for (k, (corners, element)) in self
-            .hinges
-            .corners()
-            .zip(self.hinges.elements())
-            .enumerate()
-        {
+        let hinges = self.hinges.corners().zip(self.hinges.elements());
+        for (k, (corners, element)) in hinges.enumerate() {
             let damping = self.hinges.damping(k);
             let push = Push::new(residual, &corners, damping);
             let places = select(at.positions, &corners);
