@@ -191,6 +191,7 @@ impl Contact {
         Collision {
             pair: key(pair),
             corners: pair.corners,
+            body,
             weights: gap.weights,
             normal: gap.normal,
             gap: distance,
