@@ -191,7 +191,6 @@ impl Contact {
         Collision {
             pair: key(pair),
             corners: pair.corners,
-            body,
             weights: gap.weights,
             normal: gap.normal,
             gap: distance,

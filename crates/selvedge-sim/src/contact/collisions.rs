@@ -24,9 +24,6 @@ const SLID: f64 = 0.98;
 const NEARLY: f64 = 0.1;
 const SMALL: f64 = 0.03;
 const STRAIGHT: f64 = 0.98;
-/// Part of what friction with a body bears at most that a solve may have wrong: a finger's rim, which bears
-/// little, changes all the time.
-const WRONG: f64 = 0.02;
 
 /// Difference of a weight from which a face meets a round body at another place.
 const SAME_PLACE: f64 = 0.15;
@@ -42,8 +39,6 @@ pub(crate) struct Collision {
     pub(super) pair: Touching,
     /// Points of the pair; obstacles' are not below the number of the cloth's vertices.
     pub(super) corners: [u32; 4],
-    /// Body that the cloth meets; 0 where it meets itself.
-    pub(super) body: usize,
     /// Weights of the cloth's corners; 0 for those of obstacles.
     pub(super) weights: [f64; 4],
     /// Unit direction of the gap.
@@ -181,9 +176,9 @@ impl Collision {
         self.response.tangent.force_at(gap) < -least
     }
 
-    /// Whether friction sticks by the end of the last solve, with the points at `place` `[m]`, if it does not
-    /// do as the solve took it to do; and the most that it bears, and what the solve had wrong of it `[N]`.
-    fn sees_slip(&self, place: impl Fn(usize) -> DVec3) -> (Option<Sticking>, [f64; 2]) {
+    /// Sees by the end of the last solve, with the points at `place` `[m]`, whether friction sticks. Returns
+    /// true if it does not do as the solve took it to do.
+    fn sees_slip(&mut self, place: impl Fn(usize) -> DVec3) -> bool {
         let Response {
             tangent,
             grip,
@@ -197,24 +192,23 @@ impl Collision {
         let slip = along_surface(self.normal, self.pull / grip + displacement);
         let force = grip * slip.length();
         let turns = |at: DVec3| slip.dot(at) < STRAIGHT * slip.length() * at.length();
-        let sticking = match self.sticking {
-            Sticking::Sticks if force > most + small => Some(Sticking::Slides(slip, most)),
+        self.sticking = match self.sticking {
+            Sticking::Sticks if force > most + small => Sticking::Slides(slip, most),
             Sticking::Slides(at, was) if slip.dot(at) < 0.0 || force < most - small => {
-                (was >= small).then_some(Sticking::Sticks)
+                if was < small {
+                    return false;
+                }
+                Sticking::Sticks
             }
             Sticking::Slides(at, was)
                 if (was - most).abs() > small || most > small && turns(at) =>
             {
-                Some(Sticking::Slides(slip, most))
+                Sticking::Slides(slip, most)
             }
-            _ => None,
+            _ => return false,
         };
-        if sticking.is_none() {
-            return (None, [most, 0.0]);
-        }
-        let had = along_surface(self.normal, self.force_at(displacement));
-        let wrong = (had - drag(self.normal, slip, grip, most).force).length();
-        (sticking, [most, wrong])
+        self.response = Response::default();
+        true
     }
 
     /// Returns true if it pushes where this one of the same pair does.
@@ -361,26 +355,11 @@ impl Collisions {
     }
 
     /// Sees at the end of the last solve, where the points are at `place` `[m]`, which firm collisions stick.
-    /// Returns true if that is not as the solve took it to be; it is in the next one.
+    /// Returns true if some do not do as the solve took them to do; the next one will.
     pub(super) fn see_slips(&mut self, place: impl Fn(usize) -> DVec3) -> bool {
-        let seen: Vec<_> = self.list.iter().map(|one| one.sees_slip(&place)).collect();
-        // Of each body, so that a firm hand hides nothing of a weak one.
-        let mut sums: Vec<[f64; 2]> = Vec::new();
-        for (collision, (_, [most, wrong])) in self.list.iter().zip(&seen) {
-            sums.resize(sums.len().max(collision.body + 1), [0.0; 2]);
-            let [all, wrongs] = &mut sums[collision.body];
-            (*all, *wrongs) = (*all + most, *wrongs + wrong);
-        }
-        let mut slips = false;
-        for (collision, (sticking, _)) in self.list.iter_mut().zip(seen) {
-            let [all, wrong] = sums[collision.body];
-            if let Some(sticking) = sticking.filter(|_| wrong > WRONG * all) {
-                collision.sticking = sticking;
-                collision.response = Response::default();
-                slips = true;
-            }
-        }
-        slips
+        let collisions = self.list.iter_mut();
+        let slipped = collisions.filter_map(|collision| collision.sees_slip(&place).then_some(()));
+        slipped.count() > 0
     }
 
     /// Begins a stage: what is expected of its end without a push is the next estimate.
@@ -513,7 +492,6 @@ mod tests {
                 other: 0,
             },
             corners: [0, 1, 2, 3],
-            body: 0,
             weights: [1.0, -0.2, -0.3, -0.5],
             normal: DVec3::new(0.3, 0.9, -0.2).normalize(),
             gap: 6e-4,

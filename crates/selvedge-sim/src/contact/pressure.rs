@@ -301,7 +301,6 @@ impl Squeeze {
                 least: RIM_PRESSURE * mean_mass / self.density,
                 rise: RIM_RISE,
                 begin: RIM,
-                firm: FIRM * mean_mass / self.density,
                 ..Pressure::NONE
             },
         }
