@@ -101,7 +101,7 @@ impl<N: Real> Barrier<N> {
     pub(super) fn linearise(&self, start: N, expected: N) -> Tangent<N> {
         let rests = start.within(expected);
         if let (Some(firm), true) = (self.pressure.firm(start, self.thickness), rests) {
-            return self.recoil(start, expected, firm);
+            return self.recoil(start, firm);
         }
         let ways = [start, expected];
         let rest = start.greater(expected).at_most(self.thickness);
@@ -115,16 +115,14 @@ impl<N: Real> Barrier<N> {
     }
 
     /// The tangent of a pair that is pressed firmly at the `start` and rests or parts: a fabric gives back
-    /// little of the work that pressed it together. Nothing, where it parts faster than the fabric recoils;
-    /// but of layers, what is expected without a push does not know of what presses them together.
-    fn recoil(&self, start: N, expected: N, firm: Tangent<N>) -> Tangent<N> {
+    /// little of the work that pressed it together. It holds whatever is expected without a push, which does
+    /// not know of the body on the other side: a side that it left out would be pressed out by that one.
+    fn recoil(&self, start: N, firm: Tangent<N>) -> Tangent<N> {
         let elastic = self.part(self.share, start, [start, start]);
-        let tangent = Tangent {
+        Tangent {
             stiffness: elastic.stiffness + firm.stiffness * self.recovery,
             ..elastic
-        };
-        let pushes = expected.same(0.0).below(tangent.force_at(expected));
-        if pushes || self.pressure.is_layered { tangent } else { Tangent::none(expected) }
+        }
     }
 
     /// This part of the tangent at `gap`, with the pressure of a pair that starts at the first of these gaps
