@@ -179,7 +179,7 @@ def own_ways(draw, places, lowest=None):
     return "\n".join(rows) + "\n"
 
 
-def main(folder, cloths, with_bodies):
+def main(folder, cloths, first, with_bodies):
     folder.mkdir(parents=True, exist_ok=True)
     known = {name: tomllib.loads((MATERIALS / f"{name}.toml").read_text()) for name in FABRICS}
     draw = random.Random(20261128)
@@ -210,7 +210,7 @@ def main(folder, cloths, with_bodies):
         named = ", ".join(f'"{way}"' for way in ways)
         parts += f'\n[[cloths]]\nname = "k{number}"\nmesh = {mesh}\nhandles = {handles}\nmaterial = {material}\n'
         parts += f"train = [{named}]\n" + (f"environment = {air}\n" if air else "")
-    for number in range(with_bodies):
+    for number in range(first, with_bodies):
         draw = random.Random(5000 + number)
         mesh, sides, size = rectangle(draw, cloths + number)
         # No corner is held below, where bodies are, and never one alone: cloth that hangs from a point lies in itself.
@@ -236,5 +236,6 @@ if __name__ == "__main__":
     parser.add_argument("folder", type=pathlib.Path, help="of the preset")
     parser.add_argument("--cloths", type=int, default=240, help="how many [240]")
     parser.add_argument("--bodies", type=int, default=120, help="how many more, with bodies, from the 81st on with a floor [120]")
+    parser.add_argument("--first", type=int, default=0, help="leave out so many of these [0]")
     asked = parser.parse_args()
-    main(asked.folder, asked.cloths, asked.bodies)
+    main(asked.folder, asked.cloths, asked.first, asked.bodies)
