@@ -49,7 +49,7 @@ pub(super) fn sheet_from_outline(
     }
     check_area(&cut.loops)?;
     let spacing = fitting_spacing(&cut.loops, count);
-    let mut boundary = sample_boundary(&cut.loops, spacing);
+    let mut boundary = sample_boundary(&cut.loops, spacing * cut.spacing[1]);
     let boundary_count = boundary.points.len();
     boundary.points.extend(&cut.ridge);
     let mut rng = ChaCha8Rng::seed_from_u64(seed);

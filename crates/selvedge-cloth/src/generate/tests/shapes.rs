@@ -301,4 +301,15 @@ fn the_disc_of_the_drape_test_is_clamped_up_to_a_ring_of_vertices() {
         assert!(clamped.len() >= count(0.2999 - 0.1 * mean), "{vertices}");
         assert!(clamped.iter().all(|v| from_middle(v) < 0.3 + 1e-12));
     }
+    // The hem is a circle, however few its vertices.
+    for vertices in (100..400).step_by(10) {
+        let sheet = of(Shape::DrapeDisc, vertices);
+        let places = sheet.mesh.material_coordinates();
+        let hem = sheet.label("boundary").unwrap().iter();
+        let radii = hem.map(|v| places[*v as usize].distance(DVec2::splat(0.5)));
+        assert!(
+            radii.into_iter().all(|r| (r - 0.5).abs() < 1e-9),
+            "{vertices}"
+        );
+    }
 }
