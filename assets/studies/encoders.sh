@@ -6,28 +6,16 @@
 
 data square-100 square-100
 
-# one NAME FROM CONFIG OPTIONS: a training, with what all have.
-one() {
-    name=$1 from=$2 config=$3; shift 3
-    train "$name" "$from" "$config" --data data/square-100 \
-        --set model.latent=32 \
-        --set model.blocks=6 \
-        --set gradient_clip=1.0 \
-        --set weight_average=0.999 \
-        --set batch.samples=4 \
-        "$@"
-}
-
 losses='losses={ kinetic_energy = 0.0, edge_vector = 100.0, edge_length = 1000.0, bending_angle = 5.0 }'
 
 # rollouts NAME CONFIG SEED OPTIONS: both stages.
 rollouts() {
     of=$1 config=$2 seed=$3; shift 3
-    one "$of-ones" new "$config" --set steps=5000 --set loss_cap=20.0 --set "seed=$seed" --set "$losses" "$@" \
+    small "$of-ones" new "$config" --set steps=5000 --set loss_cap=20.0 --set "seed=$seed" --set "$losses" "$@" \
         --set 'learning_rate={ kind = "cosine", warmup = 200, from = 1e-3, to = 1e-4, end = 5000 }' \
         --set 'noise={ deviation = 0.0003, correction = 0.1 }' \
         --set 'scheduled_sampling={ truth = { kind = "always" } }'
-    one "$of" "$of-ones" "$config" --set steps=3000 --set loss_cap=3.0 --set "seed=$seed" --set "$losses" "$@" \
+    small "$of" "$of-ones" "$config" --set steps=3000 --set loss_cap=3.0 --set "seed=$seed" --set "$losses" "$@" \
         --set 'learning_rate={ kind = "cosine", warmup = 200, from = 5e-4, to = 5e-6, end = 3000 }' \
         --set 'noise={ deviation = 0.0001, correction = 0.1 }' \
         --set 'unroll={ kind = "constant", frames = 4 }' \
@@ -37,7 +25,7 @@ rollouts() {
 # ones NAME CONFIG SEED OPTIONS: as many frames by the recipe of MeshGraphNets.
 ones() {
     of=$1 config=$2 seed=$3; shift 3
-    one "$of" new "$config" --set steps=17000 --set "seed=$seed" --set noise.deviation=0.0003 "$@" \
+    small "$of" new "$config" --set steps=17000 --set "seed=$seed" --set noise.deviation=0.0003 "$@" \
         --set 'learning_rate={ kind = "cosine", warmup = 200, from = 1e-3, to = 5e-6, end = 17000 }'
 }
 

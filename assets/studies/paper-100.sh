@@ -8,26 +8,14 @@
 
 data square-100 square-100
 
-# one NAME FROM CONFIG OPTIONS: a training, with what all have.
-one() {
-    name=$1 from=$2 config=$3; shift 3
-    train "$name" "$from" "$config" --data data/square-100 \
-        --set model.latent=32 \
-        --set model.blocks=6 \
-        --set gradient_clip=1.0 \
-        --set weight_average=0.999 \
-        --set batch.samples=4 \
-        "$@"
-}
-
-one full-ones new rp-mlp --set steps=20000 \
+small full-ones new rp-mlp --set steps=20000 \
     --set loss_cap=20.0 \
     --set 'learning_rate={ kind = "cosine", warmup = 200, from = 1e-3, to = 1e-4, end = 20000 }' \
     --set 'noise={ deviation = 0.0003, correction = 0.1 }' \
     --set 'scheduled_sampling={ truth = { kind = "always" } }' \
     --set 'losses={ kinetic_energy = 0.0, edge_vector = 100.0, edge_length = 1000.0, bending_angle = 5.0 }'
 
-one full full-ones rp-mlp --set steps=12000 \
+small full full-ones rp-mlp --set steps=12000 \
     --set loss_cap=3.0 \
     --set 'learning_rate={ kind = "cosine", warmup = 200, from = 5e-4, to = 5e-6, end = 12000 }' \
     --set 'noise={ deviation = 0.0001, correction = 0.1 }' \
@@ -35,7 +23,7 @@ one full full-ones rp-mlp --set steps=12000 \
     --set 'scheduled_sampling={ truth = { kind = "linear", start = 0, end = 1, probability = 0.1 }, longest = 1000, farthest = 0.03, labels = "expert" }' \
     --set 'losses={ kinetic_energy = 0.0, edge_vector = 100.0, edge_length = 1000.0, bending_angle = 5.0 }'
 
-one full-2-ones new rp-mlp --set steps=20000 \
+small full-2-ones new rp-mlp --set steps=20000 \
     --set loss_cap=20.0 \
     --set 'learning_rate={ kind = "cosine", warmup = 200, from = 1e-3, to = 1e-4, end = 20000 }' \
     --set 'noise={ deviation = 0.0003, correction = 0.1 }' \
@@ -43,7 +31,7 @@ one full-2-ones new rp-mlp --set steps=20000 \
     --set 'losses={ kinetic_energy = 0.0, edge_vector = 100.0, edge_length = 1000.0, bending_angle = 5.0 }' \
     --set seed=2
 
-one full-2 full-2-ones rp-mlp --set steps=12000 \
+small full-2 full-2-ones rp-mlp --set steps=12000 \
     --set loss_cap=3.0 \
     --set 'learning_rate={ kind = "cosine", warmup = 200, from = 5e-4, to = 5e-6, end = 12000 }' \
     --set 'noise={ deviation = 0.0001, correction = 0.1 }' \
@@ -52,7 +40,7 @@ one full-2 full-2-ones rp-mlp --set steps=12000 \
     --set 'losses={ kinetic_energy = 0.0, edge_vector = 100.0, edge_length = 1000.0, bending_angle = 5.0 }' \
     --set seed=2
 
-one full-3-ones new rp-mlp --set steps=20000 \
+small full-3-ones new rp-mlp --set steps=20000 \
     --set loss_cap=20.0 \
     --set 'learning_rate={ kind = "cosine", warmup = 200, from = 1e-3, to = 1e-4, end = 20000 }' \
     --set 'noise={ deviation = 0.0003, correction = 0.1 }' \
@@ -60,7 +48,7 @@ one full-3-ones new rp-mlp --set steps=20000 \
     --set 'losses={ kinetic_energy = 0.0, edge_vector = 100.0, edge_length = 1000.0, bending_angle = 5.0 }' \
     --set seed=3
 
-one full-3 full-3-ones rp-mlp --set steps=12000 \
+small full-3 full-3-ones rp-mlp --set steps=12000 \
     --set loss_cap=3.0 \
     --set 'learning_rate={ kind = "cosine", warmup = 200, from = 5e-4, to = 5e-6, end = 12000 }' \
     --set 'noise={ deviation = 0.0001, correction = 0.1 }' \
@@ -69,7 +57,7 @@ one full-3 full-3-ones rp-mlp --set steps=12000 \
     --set 'losses={ kinetic_energy = 0.0, edge_vector = 100.0, edge_length = 1000.0, bending_angle = 5.0 }' \
     --set seed=3
 
-one without-external-force-ones new rp-mlp --set steps=20000 \
+small without-external-force-ones new rp-mlp --set steps=20000 \
     --set loss_cap=20.0 \
     --set 'learning_rate={ kind = "cosine", warmup = 200, from = 1e-3, to = 1e-4, end = 20000 }' \
     --set 'noise={ deviation = 0.0003, correction = 0.1 }' \
@@ -77,7 +65,7 @@ one without-external-force-ones new rp-mlp --set steps=20000 \
     --set 'losses={ kinetic_energy = 0.0, edge_vector = 100.0, edge_length = 1000.0, bending_angle = 5.0 }' \
     --set 'model.node_features=["velocity", "kinetic-energy", "node-type"]'
 
-one without-external-force without-external-force-ones rp-mlp --set steps=12000 \
+small without-external-force without-external-force-ones rp-mlp --set steps=12000 \
     --set loss_cap=3.0 \
     --set 'learning_rate={ kind = "cosine", warmup = 200, from = 5e-4, to = 5e-6, end = 12000 }' \
     --set 'noise={ deviation = 0.0001, correction = 0.1 }' \
@@ -86,7 +74,7 @@ one without-external-force without-external-force-ones rp-mlp --set steps=12000 
     --set 'losses={ kinetic_energy = 0.0, edge_vector = 100.0, edge_length = 1000.0, bending_angle = 5.0 }' \
     --set 'model.node_features=["velocity", "kinetic-energy", "node-type"]'
 
-one without-rest-vector-ones new rp-mlp --set steps=20000 \
+small without-rest-vector-ones new rp-mlp --set steps=20000 \
     --set loss_cap=20.0 \
     --set 'learning_rate={ kind = "cosine", warmup = 200, from = 1e-3, to = 1e-4, end = 20000 }' \
     --set 'noise={ deviation = 0.0003, correction = 0.1 }' \
@@ -94,7 +82,7 @@ one without-rest-vector-ones new rp-mlp --set steps=20000 \
     --set 'losses={ kinetic_energy = 0.0, edge_vector = 100.0, edge_length = 1000.0, bending_angle = 5.0 }' \
     --set 'model.edge_features=["vector", "material-vector", "elongation", "bending-angle"]'
 
-one without-rest-vector without-rest-vector-ones rp-mlp --set steps=12000 \
+small without-rest-vector without-rest-vector-ones rp-mlp --set steps=12000 \
     --set loss_cap=3.0 \
     --set 'learning_rate={ kind = "cosine", warmup = 200, from = 5e-4, to = 5e-6, end = 12000 }' \
     --set 'noise={ deviation = 0.0001, correction = 0.1 }' \
@@ -103,7 +91,7 @@ one without-rest-vector without-rest-vector-ones rp-mlp --set steps=12000 \
     --set 'losses={ kinetic_energy = 0.0, edge_vector = 100.0, edge_length = 1000.0, bending_angle = 5.0 }' \
     --set 'model.edge_features=["vector", "material-vector", "elongation", "bending-angle"]'
 
-one without-elongation-ones new rp-mlp --set steps=20000 \
+small without-elongation-ones new rp-mlp --set steps=20000 \
     --set loss_cap=20.0 \
     --set 'learning_rate={ kind = "cosine", warmup = 200, from = 1e-3, to = 1e-4, end = 20000 }' \
     --set 'noise={ deviation = 0.0003, correction = 0.1 }' \
@@ -111,7 +99,7 @@ one without-elongation-ones new rp-mlp --set steps=20000 \
     --set 'losses={ kinetic_energy = 0.0, edge_vector = 100.0, edge_length = 1000.0, bending_angle = 5.0 }' \
     --set 'model.edge_features=["vector", "rest-vector", "bending-angle"]'
 
-one without-elongation without-elongation-ones rp-mlp --set steps=12000 \
+small without-elongation without-elongation-ones rp-mlp --set steps=12000 \
     --set loss_cap=3.0 \
     --set 'learning_rate={ kind = "cosine", warmup = 200, from = 5e-4, to = 5e-6, end = 12000 }' \
     --set 'noise={ deviation = 0.0001, correction = 0.1 }' \
@@ -120,7 +108,7 @@ one without-elongation without-elongation-ones rp-mlp --set steps=12000 \
     --set 'losses={ kinetic_energy = 0.0, edge_vector = 100.0, edge_length = 1000.0, bending_angle = 5.0 }' \
     --set 'model.edge_features=["vector", "rest-vector", "bending-angle"]'
 
-one without-edge-vector-loss-ones new rp-mlp --set steps=20000 \
+small without-edge-vector-loss-ones new rp-mlp --set steps=20000 \
     --set loss_cap=20.0 \
     --set 'learning_rate={ kind = "cosine", warmup = 200, from = 1e-3, to = 1e-4, end = 20000 }' \
     --set 'noise={ deviation = 0.0003, correction = 0.1 }' \
@@ -128,7 +116,7 @@ one without-edge-vector-loss-ones new rp-mlp --set steps=20000 \
     --set 'losses={ kinetic_energy = 0.0, edge_vector = 100.0, edge_length = 1000.0, bending_angle = 5.0 }' \
     --set losses.edge_vector=0.0
 
-one without-edge-vector-loss without-edge-vector-loss-ones rp-mlp --set steps=12000 \
+small without-edge-vector-loss without-edge-vector-loss-ones rp-mlp --set steps=12000 \
     --set loss_cap=3.0 \
     --set 'learning_rate={ kind = "cosine", warmup = 200, from = 5e-4, to = 5e-6, end = 12000 }' \
     --set 'noise={ deviation = 0.0001, correction = 0.1 }' \
@@ -137,7 +125,7 @@ one without-edge-vector-loss without-edge-vector-loss-ones rp-mlp --set steps=12
     --set 'losses={ kinetic_energy = 0.0, edge_vector = 100.0, edge_length = 1000.0, bending_angle = 5.0 }' \
     --set losses.edge_vector=0.0
 
-one without-edge-length-loss-ones new rp-mlp --set steps=20000 \
+small without-edge-length-loss-ones new rp-mlp --set steps=20000 \
     --set loss_cap=20.0 \
     --set 'learning_rate={ kind = "cosine", warmup = 200, from = 1e-3, to = 1e-4, end = 20000 }' \
     --set 'noise={ deviation = 0.0003, correction = 0.1 }' \
@@ -145,7 +133,7 @@ one without-edge-length-loss-ones new rp-mlp --set steps=20000 \
     --set 'losses={ kinetic_energy = 0.0, edge_vector = 100.0, edge_length = 1000.0, bending_angle = 5.0 }' \
     --set losses.edge_length=0.0
 
-one without-edge-length-loss without-edge-length-loss-ones rp-mlp --set steps=12000 \
+small without-edge-length-loss without-edge-length-loss-ones rp-mlp --set steps=12000 \
     --set loss_cap=3.0 \
     --set 'learning_rate={ kind = "cosine", warmup = 200, from = 5e-4, to = 5e-6, end = 12000 }' \
     --set 'noise={ deviation = 0.0001, correction = 0.1 }' \
@@ -154,7 +142,7 @@ one without-edge-length-loss without-edge-length-loss-ones rp-mlp --set steps=12
     --set 'losses={ kinetic_energy = 0.0, edge_vector = 100.0, edge_length = 1000.0, bending_angle = 5.0 }' \
     --set losses.edge_length=0.0
 
-one without-kinetic-energy-ones new rp-mlp --set steps=20000 \
+small without-kinetic-energy-ones new rp-mlp --set steps=20000 \
     --set loss_cap=20.0 \
     --set 'learning_rate={ kind = "cosine", warmup = 200, from = 1e-3, to = 1e-4, end = 20000 }' \
     --set 'noise={ deviation = 0.0003, correction = 0.1 }' \
@@ -162,7 +150,7 @@ one without-kinetic-energy-ones new rp-mlp --set steps=20000 \
     --set 'losses={ kinetic_energy = 0.0, edge_vector = 100.0, edge_length = 1000.0, bending_angle = 5.0 }' \
     --set 'model.node_features=["velocity", "external-force", "node-type"]'
 
-one without-kinetic-energy without-kinetic-energy-ones rp-mlp --set steps=12000 \
+small without-kinetic-energy without-kinetic-energy-ones rp-mlp --set steps=12000 \
     --set loss_cap=3.0 \
     --set 'learning_rate={ kind = "cosine", warmup = 200, from = 5e-4, to = 5e-6, end = 12000 }' \
     --set 'noise={ deviation = 0.0001, correction = 0.1 }' \
@@ -171,7 +159,7 @@ one without-kinetic-energy without-kinetic-energy-ones rp-mlp --set steps=12000 
     --set 'losses={ kinetic_energy = 0.0, edge_vector = 100.0, edge_length = 1000.0, bending_angle = 5.0 }' \
     --set 'model.node_features=["velocity", "external-force", "node-type"]'
 
-one without-bending-ones new rp-mlp --set steps=20000 \
+small without-bending-ones new rp-mlp --set steps=20000 \
     --set loss_cap=20.0 \
     --set 'learning_rate={ kind = "cosine", warmup = 200, from = 1e-3, to = 1e-4, end = 20000 }' \
     --set 'noise={ deviation = 0.0003, correction = 0.1 }' \
@@ -180,7 +168,7 @@ one without-bending-ones new rp-mlp --set steps=20000 \
     --set 'model.edge_features=["vector", "rest-vector", "elongation"]' \
     --set losses.bending_angle=0.0
 
-one without-bending without-bending-ones rp-mlp --set steps=12000 \
+small without-bending without-bending-ones rp-mlp --set steps=12000 \
     --set loss_cap=3.0 \
     --set 'learning_rate={ kind = "cosine", warmup = 200, from = 5e-4, to = 5e-6, end = 12000 }' \
     --set 'noise={ deviation = 0.0001, correction = 0.1 }' \
@@ -190,7 +178,7 @@ one without-bending without-bending-ones rp-mlp --set steps=12000 \
     --set 'model.edge_features=["vector", "rest-vector", "elongation"]' \
     --set losses.bending_angle=0.0
 
-one without-physics-ones new rp-mlp --set steps=20000 \
+small without-physics-ones new rp-mlp --set steps=20000 \
     --set loss_cap=20.0 \
     --set 'learning_rate={ kind = "cosine", warmup = 200, from = 1e-3, to = 1e-4, end = 20000 }' \
     --set 'noise={ deviation = 0.0003, correction = 0.1 }' \
@@ -202,7 +190,7 @@ one without-physics-ones new rp-mlp --set steps=20000 \
     --set losses.edge_length=0.0 \
     --set losses.bending_angle=0.0
 
-one without-physics without-physics-ones rp-mlp --set steps=12000 \
+small without-physics without-physics-ones rp-mlp --set steps=12000 \
     --set loss_cap=3.0 \
     --set 'learning_rate={ kind = "cosine", warmup = 200, from = 5e-4, to = 5e-6, end = 12000 }' \
     --set 'noise={ deviation = 0.0001, correction = 0.1 }' \
@@ -215,17 +203,17 @@ one without-physics without-physics-ones rp-mlp --set steps=12000 \
     --set losses.edge_length=0.0 \
     --set losses.bending_angle=0.0
 
-one meshgraphnets new meshgraphnets --set steps=68000 \
+small meshgraphnets new meshgraphnets --set steps=68000 \
     --set 'learning_rate={ kind = "cosine", warmup = 200, from = 1e-3, to = 5e-6, end = 68000 }' \
     --set noise.deviation=0.0003
 
-one meshgraphnets-ss new meshgraphnets-ss --set steps=68000 \
+small meshgraphnets-ss new meshgraphnets-ss --set steps=68000 \
     --set 'learning_rate={ kind = "cosine", warmup = 200, from = 1e-3, to = 5e-6, end = 68000 }' \
     --set 'scheduled_sampling.truth={ kind = "linear", start = 20000, end = 68000, probability = 0.0 }' \
     --set scheduled_sampling.farthest=0.1 \
     --set noise.deviation=0.0003
 
-one gru5-ones new rp-gru5 --set steps=20000 \
+small gru5-ones new rp-gru5 --set steps=20000 \
     --set dropout=0.0 \
     --set loss_cap=20.0 \
     --set 'learning_rate={ kind = "cosine", warmup = 200, from = 1e-3, to = 1e-4, end = 20000 }' \
@@ -233,7 +221,7 @@ one gru5-ones new rp-gru5 --set steps=20000 \
     --set 'scheduled_sampling={ truth = { kind = "always" } }' \
     --set 'losses={ kinetic_energy = 0.0, edge_vector = 100.0, edge_length = 1000.0, bending_angle = 5.0 }'
 
-one gru5 gru5-ones rp-gru5 --set steps=12000 \
+small gru5 gru5-ones rp-gru5 --set steps=12000 \
     --set dropout=0.0 \
     --set loss_cap=3.0 \
     --set 'learning_rate={ kind = "cosine", warmup = 200, from = 5e-4, to = 5e-6, end = 12000 }' \
@@ -242,7 +230,7 @@ one gru5 gru5-ones rp-gru5 --set steps=12000 \
     --set 'scheduled_sampling={ truth = { kind = "linear", start = 0, end = 1, probability = 0.1 }, longest = 1000, farthest = 0.03, labels = "expert" }' \
     --set 'losses={ kinetic_energy = 0.0, edge_vector = 100.0, edge_length = 1000.0, bending_angle = 5.0 }'
 
-one gru10-ones new rp-gru10 --set steps=20000 \
+small gru10-ones new rp-gru10 --set steps=20000 \
     --set dropout=0.0 \
     --set loss_cap=20.0 \
     --set 'learning_rate={ kind = "cosine", warmup = 200, from = 1e-3, to = 1e-4, end = 20000 }' \
@@ -250,7 +238,7 @@ one gru10-ones new rp-gru10 --set steps=20000 \
     --set 'scheduled_sampling={ truth = { kind = "always" } }' \
     --set 'losses={ kinetic_energy = 0.0, edge_vector = 100.0, edge_length = 1000.0, bending_angle = 5.0 }'
 
-one gru10 gru10-ones rp-gru10 --set steps=12000 \
+small gru10 gru10-ones rp-gru10 --set steps=12000 \
     --set dropout=0.0 \
     --set loss_cap=3.0 \
     --set 'learning_rate={ kind = "cosine", warmup = 200, from = 5e-4, to = 5e-6, end = 12000 }' \
@@ -259,7 +247,7 @@ one gru10 gru10-ones rp-gru10 --set steps=12000 \
     --set 'scheduled_sampling={ truth = { kind = "linear", start = 0, end = 1, probability = 0.1 }, longest = 1000, farthest = 0.03, labels = "expert" }' \
     --set 'losses={ kinetic_energy = 0.0, edge_vector = 100.0, edge_length = 1000.0, bending_angle = 5.0 }'
 
-one gru5-2-ones new rp-gru5 --set steps=20000 \
+small gru5-2-ones new rp-gru5 --set steps=20000 \
     --set dropout=0.0 \
     --set loss_cap=20.0 \
     --set 'learning_rate={ kind = "cosine", warmup = 200, from = 1e-3, to = 1e-4, end = 20000 }' \
@@ -268,7 +256,7 @@ one gru5-2-ones new rp-gru5 --set steps=20000 \
     --set 'losses={ kinetic_energy = 0.0, edge_vector = 100.0, edge_length = 1000.0, bending_angle = 5.0 }' \
     --set seed=2
 
-one gru5-2 gru5-2-ones rp-gru5 --set steps=12000 \
+small gru5-2 gru5-2-ones rp-gru5 --set steps=12000 \
     --set dropout=0.0 \
     --set loss_cap=3.0 \
     --set 'learning_rate={ kind = "cosine", warmup = 200, from = 5e-4, to = 5e-6, end = 12000 }' \

@@ -41,3 +41,15 @@ evaluate() {
     done
     selvedge eval "$@" --guard none --device "$device" -o report
 }
+
+# small NAME FROM CONFIG OPTIONS: a training on square-100 of a network of 32 latents and 6 blocks.
+small() {
+    name=$1 from=$2 config=$3; shift 3
+    train "$name" "$from" "$config" --data data/square-100 \
+        --set model.latent=32 \
+        --set model.blocks=6 \
+        --set gradient_clip=1.0 \
+        --set weight_average=0.999 \
+        --set batch.samples=4 \
+        "$@"
+}
