@@ -187,10 +187,12 @@ impl Contact {
         let anchor = self.anchor(own, gap.normal);
         let mean_mass = weighted / squares;
         let squeeze = &self.squeeze;
-        let pressure = squeeze.push(pair, body, is_of_core, mean_mass, gap.normal);
+        let joined = &self.neighbours.joined;
+        let pressure = squeeze.push(pair, body, is_of_core, mean_mass, gap.normal, joined);
         Collision {
             pair: key(pair),
             corners: pair.corners,
+            body,
             weights: gap.weights,
             normal: gap.normal,
             gap: distance,

@@ -8,6 +8,7 @@ use selvedge_contact::{Kind, Pair};
 use super::barrier::Tangent;
 use super::narrow_phase::ClosePair;
 use super::real::Real;
+use crate::lists::Lists;
 
 /// Gap, as a part of that at which the push begins, below which it goes on straight.
 const CRUSHED: f64 = 0.15;
@@ -53,7 +54,7 @@ pub(super) struct Pressure<N = f64> {
     /// b, as a part of the thickness.
     begin: f64,
     /// Force from which friction holds firmly `[N]`.
-    firm: f64,
+    pub(super) firm: f64,
     /// True if it bears slowly what lies still, and not what falls: its push does not grow beyond `pressed`.
     pub(super) is_slow: bool,
     /// Compression up to which it bore slowly at the end of the last substep, as a part of b.
@@ -212,12 +213,11 @@ impl Squeeze {
     pub(super) fn see<'a>(&mut self, near: impl Iterator<Item = &'a ClosePair>) {
         self.squeezed.fill(false);
         self.sides.fill(DVec3::ZERO);
-        let mut layers = Vec::new();
-        for near in near.filter(|near| near.pair.kind == Kind::VertexFace) {
-            if near.body == 0 {
-                layers.push(near);
-                continue;
-            }
+        let near = near.filter(|near| near.pair.kind == Kind::VertexFace);
+        let (layers, mut bodies): (Vec<_>, Vec<_>) = near.partition(|near| near.body == 0);
+        // What is farther than two sides does not hide that they are opposite.
+        bodies.sort_by(|a, b| a.distance.total_cmp(&b.distance));
+        for near in bodies {
             for (corner, weight) in near.pair.corners.iter().zip(near.gap.weights) {
                 self.press(*corner, near.gap.normal * weight.signum());
             }
@@ -271,6 +271,7 @@ impl Squeeze {
         is_of_core: bool,
         mean_mass: f64,
         normal: DVec3,
+        joined: &Lists,
     ) -> Pressure {
         let is_squeezed = |corner: &u32| self.squeezed.get(*corner as usize) == Some(&true);
         let own = pair.corners[0] as usize;
@@ -285,24 +286,27 @@ impl Squeeze {
                 Kind::EdgeEdge => Pressure::NONE,
             };
         }
-        if !pair.corners.iter().any(is_squeezed) {
-            return match pair.kind {
-                Kind::VertexFace if own < self.pressures.len() => self.pressures[own].slow(),
-                // There are two faces to a vertex.
-                Kind::VertexFace if is_of_core => {
-                    self.pressures[pair.corners[1] as usize].slow().halved()
-                }
-                _ => Pressure::NONE,
-            };
-        }
+        // Rims press on faces beside what is squeezed as well.
+        let is_beside = |corner: &u32| {
+            let corner = *corner as usize;
+            let is_flat = corner < self.pressures.len() && !is_of_core;
+            is_flat && joined.of(corner).iter().any(is_squeezed)
+        };
         match pair.kind {
-            Kind::VertexFace if own < self.pressures.len() => self.pressures[own],
-            _ => Pressure {
+            Kind::VertexFace if self.squeezed.get(own) == Some(&true) => self.pressures[own],
+            Kind::VertexFace if own < self.pressures.len() => self.pressures[own].slow(),
+            _ if pair.corners.iter().any(|c| is_squeezed(c) || is_beside(c)) => Pressure {
                 least: RIM_PRESSURE * mean_mass / self.density,
                 rise: RIM_RISE,
                 begin: RIM,
+                firm: FIRM * mean_mass / self.density,
                 ..Pressure::NONE
             },
+            // There are two faces to a vertex.
+            Kind::VertexFace if is_of_core => {
+                self.pressures[pair.corners[1] as usize].slow().halved()
+            }
+            _ => Pressure::NONE,
         }
     }
 }
