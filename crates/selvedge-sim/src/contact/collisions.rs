@@ -23,7 +23,7 @@ pub(super) const SHEAR: f64 = 0.1;
 const SLID: f64 = 0.98;
 /// Part of what friction with a body bears at most that a solve may have wrong: a finger's rim, which bears
 /// little, changes all the time.
-const WRONG: f64 = 0.02;
+const WRONG: f64 = 0.05;
 
 /// Difference of a weight from which a face meets a round body at another place.
 const SAME_PLACE: f64 = 0.15;
