@@ -219,7 +219,8 @@ impl Tile {
     fn solve_upper(&self, vector: &mut [Vec3A]) {
         for column in (0..vector.len()).rev() {
             let range = self.column(column);
-            vector[column] -= gathered(&self.lower[range.clone()], &self.rows[range], vector);
+            let below = self.lower[range.clone()].iter().zip(&self.rows[range]);
+            vector[column] -= gathered(below, vector);
         }
     }
 
@@ -244,11 +245,14 @@ impl Tile {
     }
 }
 
-/// Sum of the transposed `blocks` of a column times the entries of `vector` in their `rows`.
-#[inline]
-pub(super) fn gathered(blocks: &[Mat3A], rows: &[u32], vector: &[Vec3A]) -> Vec3A {
+/// Sum of the transposed `blocks` of a column, each with its row, times the entries of `vector` there.
+#[inline(always)]
+pub(super) fn gathered<'a>(
+    blocks: impl Iterator<Item = (&'a Mat3A, &'a u32)>,
+    vector: &[Vec3A],
+) -> Vec3A {
     let mut sums = Mat3A::ZERO;
-    for (block, row) in blocks.iter().zip(rows) {
+    for (block, row) in blocks {
         let known = vector[*row as usize];
         sums.x_axis += block.x_axis * known;
         sums.y_axis += block.y_axis * known;
