@@ -344,8 +344,7 @@ impl Candidates {
             self.find(mesh, ways, reach);
             return;
         }
-        if self.touches_itself {
-            self.centre(ways);
+        if !self.own_hold(ways) {
             if let Some(patches) = &mut self.patches {
                 patches.look_again(ways.from, ways.to);
             }
@@ -356,8 +355,10 @@ impl Candidates {
             self.search_own(mesh, false);
             self.own_come_first &= self.pairs.len() == count;
         }
-        self.world.widen(ways, mesh.radii(), reach.gap, reach.slack);
-        self.search_others(mesh, false);
+        if !self.world.holds(ways.from, ways.to) {
+            self.world.widen(ways, mesh.radii(), reach.gap, reach.slack);
+            self.search_others(mesh, false);
+        }
     }
 
     /// Adds the pairs of the cloth with itself whose boxes meet now; in a search that is not `anew`,
