@@ -246,7 +246,7 @@ impl Tile {
 }
 
 /// Sum of the transposed `blocks` of a column, each with its row, times the entries of `vector` there.
-#[inline(always)]
+#[inline]
 pub(super) fn gathered<'a>(
     blocks: impl Iterator<Item = (&'a Mat3A, &'a u32)>,
     vector: &[Vec3A],

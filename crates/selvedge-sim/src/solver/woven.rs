@@ -15,7 +15,6 @@ use std::iter::Zip;
 use std::slice::Iter;
 
 use glam::{DMat3, Mat3A, Vec3A};
-use pulp::Arch;
 
 use crate::contact::to_single;
 use crate::solver::gauss_seidel::{gathered, inverse_root};
@@ -71,7 +70,7 @@ impl Woven {
         });
         self.sort_by_column(count, couplings, scale);
         self.take(pattern, blocks);
-        Arch::new().dispatch(|| self.eliminate());
+        self.eliminate();
     }
 
     /// Takes the couplings, column by column.
@@ -153,19 +152,18 @@ impl Woven {
         }
     }
 
-    #[inline(always)]
+    #[inline]
     fn column(&self, column: usize) -> std::ops::Range<usize> {
         self.starts[column] as usize..self.starts[column + 1] as usize
     }
 
     /// Those of `blocks` that are below the diagonal in a column, and their rows.
-    #[inline(always)]
+    #[inline]
     fn of<'a>(&'a self, blocks: &'a [Mat3A], column: usize) -> Column<'a> {
         let range = self.column(column);
         blocks[range.clone()].iter().zip(&self.rows[range])
     }
 
-    #[inline(always)]
     fn eliminate(&mut self) {
         let count = self.diagonal.len();
         self.lower.clone_from(&self.blocks);
@@ -226,30 +224,26 @@ impl Woven {
 
     /// Replaces `vector` by L⁻ᵀ of it.
     pub(crate) fn solve_upper(&self, vector: &mut [Vec3A]) {
-        Arch::new().dispatch(|| {
-            for column in (0..vector.len()).rev() {
-                // What was known last comes last, so that the others need not wait for it.
-                let sum = gathered(self.of(&self.lower, column).rev(), vector);
-                vector[column] = self.inverse[column].transpose() * (vector[column] - sum);
-            }
-        });
+        for column in (0..vector.len()).rev() {
+            // What was known last comes last, so that the others need not wait for it.
+            let sum = gathered(self.of(&self.lower, column).rev(), vector);
+            vector[column] = self.inverse[column].transpose() * (vector[column] - sum);
+        }
     }
 
     /// `product` = L⁻¹ A `solved`. Once a column is reached, all of A's part of its entry is known.
     pub(crate) fn multiply(&self, solved: &[Vec3A], product: &mut [Vec3A]) {
-        Arch::new().dispatch(|| {
-            product.fill(Vec3A::ZERO);
-            for (column, own) in solved.iter().enumerate() {
-                let all = gathered(self.of(&self.blocks, column), solved);
-                let all = all + self.diagonal[column] * *own + product[column];
-                let known = self.inverse[column] * all;
-                product[column] = known;
-                let lower = &self.lower[self.column(column)];
-                for ((block, row), lower) in self.of(&self.blocks, column).zip(lower) {
-                    product[*row as usize] += *block * *own - *lower * known;
-                }
+        product.fill(Vec3A::ZERO);
+        for (column, own) in solved.iter().enumerate() {
+            let all = gathered(self.of(&self.blocks, column), solved);
+            let all = all + self.diagonal[column] * *own + product[column];
+            let known = self.inverse[column] * all;
+            product[column] = known;
+            let lower = &self.lower[self.column(column)];
+            for ((block, row), lower) in self.of(&self.blocks, column).zip(lower) {
+                product[*row as usize] += *block * *own - *lower * known;
             }
-        });
+        }
     }
 }
 
