@@ -219,8 +219,7 @@ impl Tile {
     fn solve_upper(&self, vector: &mut [Vec3A]) {
         for column in (0..vector.len()).rev() {
             let range = self.column(column);
-            let below = self.lower[range.clone()].iter().zip(&self.rows[range]);
-            vector[column] -= gathered(below, vector);
+            vector[column] -= gathered(&self.lower[range.clone()], &self.rows[range], vector);
         }
     }
 
@@ -245,14 +244,11 @@ impl Tile {
     }
 }
 
-/// Sum of the transposed `blocks` of a column, each with its row, times the entries of `vector` there.
+/// Sum of the transposed `blocks` of a column times the entries of `vector` in their `rows`.
 #[inline]
-pub(super) fn gathered<'a>(
-    blocks: impl Iterator<Item = (&'a Mat3A, &'a u32)>,
-    vector: &[Vec3A],
-) -> Vec3A {
+pub(super) fn gathered(blocks: &[Mat3A], rows: &[u32], vector: &[Vec3A]) -> Vec3A {
     let mut sums = Mat3A::ZERO;
-    for (block, row) in blocks {
+    for (block, row) in blocks.iter().zip(rows) {
         let known = vector[*row as usize];
         sums.x_axis += block.x_axis * known;
         sums.y_axis += block.y_axis * known;

@@ -8,11 +8,8 @@
 //! block is dropped; its bound goes onto the two diagonal blocks, as |Y|/|X| X Xᵀ and |X|/|Y| Y Yᵀ
 //! (Ajiz and Jennings 1984), so that pivots stay positive however stiff a contact is. `[eq:contact-fill]`
 //!
-//! A product with the matrix costs as much as one triangular solve more, with which it goes through the
-//! blocks: there is no trick that saves it, as for [`crate::solver::gauss_seidel`].
-
-use std::iter::Zip;
-use std::slice::Iter;
+//! A product with the matrix costs as much as both triangular solves: there is no trick that saves
+//! it, as for [`crate::solver::gauss_seidel`].
 
 use glam::{DMat3, Mat3A, Vec3A};
 
@@ -23,9 +20,6 @@ use crate::solver::pattern::Pattern;
 /// Smallest ratio of a pivot to its diagonal entry: rounding is below. Below it, the block of the
 /// matrix itself is taken. A touch is up to 9000 times as stiff along its normal as across.
 const LEAST_PIVOT: f32 = 1e-5;
-
-/// Blocks and their rows.
-type Column<'a> = Zip<Iter<'a, Mat3A>, Iter<'a, u32>>;
 
 /// The matrix and its factor, by columns.
 #[derive(Default)]
@@ -157,13 +151,6 @@ impl Woven {
         self.starts[column] as usize..self.starts[column + 1] as usize
     }
 
-    /// Those of `blocks` that are below the diagonal in a column, and their rows.
-    #[inline]
-    fn of<'a>(&'a self, blocks: &'a [Mat3A], column: usize) -> Column<'a> {
-        let range = self.column(column);
-        blocks[range.clone()].iter().zip(&self.rows[range])
-    }
-
     fn eliminate(&mut self) {
         let count = self.diagonal.len();
         self.lower.clone_from(&self.blocks);
@@ -216,7 +203,8 @@ impl Woven {
         for column in 0..vector.len() {
             let known = self.inverse[column] * vector[column];
             vector[column] = known;
-            for (block, row) in self.of(&self.lower, column) {
+            let range = self.column(column);
+            for (block, row) in self.lower[range.clone()].iter().zip(&self.rows[range]) {
                 vector[*row as usize] -= *block * known;
             }
         }
@@ -225,25 +213,26 @@ impl Woven {
     /// Replaces `vector` by L⁻ᵀ of it.
     pub(crate) fn solve_upper(&self, vector: &mut [Vec3A]) {
         for column in (0..vector.len()).rev() {
-            // What was known last comes last, so that the others need not wait for it.
-            let sum = gathered(self.of(&self.lower, column).rev(), vector);
+            let range = self.column(column);
+            let sum = gathered(&self.lower[range.clone()], &self.rows[range], vector);
             vector[column] = self.inverse[column].transpose() * (vector[column] - sum);
         }
     }
 
-    /// `product` = L⁻¹ A `solved`. Once a column is reached, all of A's part of its entry is known.
+    /// `product` = L⁻¹ A `solved`.
     pub(crate) fn multiply(&self, solved: &[Vec3A], product: &mut [Vec3A]) {
-        product.fill(Vec3A::ZERO);
+        for (column, product) in product.iter_mut().enumerate() {
+            let range = self.column(column);
+            *product = self.diagonal[column] * solved[column]
+                + gathered(&self.blocks[range.clone()], &self.rows[range], solved);
+        }
         for (column, own) in solved.iter().enumerate() {
-            let all = gathered(self.of(&self.blocks, column), solved);
-            let all = all + self.diagonal[column] * *own + product[column];
-            let known = self.inverse[column] * all;
-            product[column] = known;
-            let lower = &self.lower[self.column(column)];
-            for ((block, row), lower) in self.of(&self.blocks, column).zip(lower) {
-                product[*row as usize] += *block * *own - *lower * known;
+            let range = self.column(column);
+            for (block, row) in self.blocks[range.clone()].iter().zip(&self.rows[range]) {
+                product[*row as usize] += *block * *own;
             }
         }
+        self.solve_lower(product);
     }
 }
 
