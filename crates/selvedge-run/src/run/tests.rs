@@ -196,24 +196,6 @@ fn a_run_in_contact_goes_back_to_the_byte() {
     goes_back(Run::new(&scene).unwrap(), 30);
 }
 
-/// A cloth pulled from under plates: its frame 22 begins with halves, because the one before ended with them.
-#[test]
-fn a_run_of_halved_substeps_goes_on_to_the_bit() {
-    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/scenes/contact");
-    let scene = Scene::named(&format!("{folder}/tablecloth-2.toml")).unwrap();
-    let state = |run: &Run| run.solver().unwrap().checkpoint();
-    let step = |run: &mut Run, frames: usize| (0..frames).for_each(|_| run.step().unwrap());
-    let mut whole = Run::new(&scene).unwrap();
-    step(&mut whole, 21);
-    let from = state(&whole);
-    let (_, last) = from.changes.as_ref().unwrap();
-    assert!(*last < 0.6 / 120.0, "the last solve has {last} s");
-    let mut rest = Run::new(&Scene::in_state(Built::clone(scene.built()), from)).unwrap();
-    step(&mut whole, 3);
-    step(&mut rest, 3);
-    assert!(state(&whole) == state(&rest));
-}
-
 /// A light knit in a storm holds to the bound of a step, but no cloth is so long.
 #[test]
 fn a_run_that_strains_the_cloth_too_far_is_warned_of() {

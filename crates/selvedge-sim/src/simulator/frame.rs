@@ -2,8 +2,7 @@
 //!
 //! A substep in which contact is too much is halved, and halves of it again. A frame that fails
 //! even so, or that ends strained beyond the bound, is computed again with twice as many substeps.
-//! Neither goes beyond [`most_substeps`](selvedge_cloth::PhysicsSettings::most_substeps). Two halves are joined
-//! again once they repeat few solves; until then frames begin with them.
+//! Neither goes beyond [`most_substeps`](selvedge_cloth::PhysicsSettings::most_substeps).
 
 use glam::DVec3;
 use selvedge_cloth::{HandleTargets, StepError};
@@ -17,9 +16,6 @@ use crate::state::State;
 /// Factor by which contact divides a frame before vertices are held back in it: a vertex that stays
 /// while its neighbours go on is strained, and what is strained meets again.
 const BEFORE_HOLDING: u32 = 8;
-
-/// Repeated solves up to which two halves of a substep are joined again.
-const REPEATS_OF_JOINED: u64 = 2;
 
 /// Pairs of features that contact may certify in a frame, for each point of cloth and obstacles. A frame beyond is
 /// refused: what moves as far as that within a frame is to be set there, by
@@ -160,23 +156,8 @@ impl Simulator {
 
     /// Pairs that contact has certified since the start, or tried to.
     fn pairs(&self) -> u64 {
-        let counts = self.stats().contact;
-        counts.certified + counts.halved + counts.uncertified
-    }
-
-    /// Substeps with which a frame of `substeps`, halved to `most` at most, begins: as short as the last solve
-    /// was. Of a frame of one substep they are twice as long, since nothing in it would join two.
-    fn first_parts(&self, substeps: u32, most: u32) -> u32 {
-        let changes = self.active.system.last_changes();
-        let changes = changes.filter(|_| self.contact.is_some());
-        let last = changes.map_or(f64::INFINITY, |(_, seconds)| seconds);
-        // The last solve of a substep that has none before it is 0.7 of that.
-        let room = last * self.scene.frame_rate * if substeps == 1 { 3.0 } else { 1.5 };
-        let mut parts = substeps;
-        while 2 * parts <= most && room * f64::from(parts) < 1.0 {
-            parts *= 2;
-        }
-        parts
+        let counts = self.contact.as_ref().map(|contact| contact.counts);
+        counts.map_or(0, |c| c.certified + c.halved + c.uncertified)
     }
 
     /// Fails if someone wants to stop.
@@ -202,9 +183,9 @@ impl Simulator {
         if let Some(tape) = &mut self.active.system.tape {
             tape.truncate(0);
         }
+        let mut finest = substeps;
         // Parts of the frame that are done, and how many of their length it has.
-        let (mut done, mut parts) = (0, self.first_parts(substeps, most));
-        let (mut finest, mut repeats) = (parts, 0);
+        let (mut done, mut parts) = (0, substeps);
         while done < parts {
             self.check_stop()?;
             if let Some(contact) = self.contact.as_ref().filter(|_| self.pairs() > most_pairs) {
@@ -226,7 +207,6 @@ impl Simulator {
                 self.save(PART);
             }
             let settled = self.active.system.tape.as_ref().map(|tape| tape.settled());
-            let before = self.stats().contact.repeated;
             match self.solve(part) {
                 Ok(Advance::TooLong) | Err(StepError::Contact { .. }) if part.may_divide => {
                     self.put_back(PART);
@@ -241,10 +221,8 @@ impl Simulator {
                     if let Some(tape) = &mut self.active.system.tape {
                         tape.settle(fraction);
                     }
-                    let own = self.stats().contact.repeated - before;
-                    repeats = if done % 2 == 0 { own } else { own.max(repeats) };
                     done += 1;
-                    while parts > substeps && done % 2 == 0 && repeats <= REPEATS_OF_JOINED {
+                    while parts > substeps && done % 2 == 0 {
                         (done, parts) = (done / 2, parts / 2);
                     }
                 }
@@ -252,8 +230,11 @@ impl Simulator {
             }
         }
         let bound = self.scene.physics.max_strain;
-        let (began, now) = (&self.starts[FRAME].state.positions, &self.state.positions);
-        match self.edges.check_stretch(began, now, bound) {
+        let began = &self.starts[FRAME].state.positions;
+        let checked = self
+            .edges
+            .check_stretch(began, &self.state.positions, bound);
+        match checked {
             Ok(()) => Ok(finest),
             Err(Overstretched { vertices, strain }) => Err(StepError::Overstretched {
                 frame: self.frame + 1,
