@@ -3,11 +3,12 @@
     python benches/peers/drapes.py drapes.csv --selvedge target/release/selvedge \\
         --peer mujoco_flex.py --substeps 2 --fabrics 1,2,3 --output out/drapes
 
-A fabric is a sheet that is isotropic in its plane. Its bending stiffness is changed until the drape coefficient is the mean of the captures of --specimens; that along
-one thread over that along the other until the shadow is as oblong (second harmonic), where a program bends
-differently along the two: of those here Selvedge alone. The other specimens are a check. The sheet that comes nearest is draped
-on --drapes meshes. Meshes and measures are Selvedge's: a peer moves the mesh of the scene `drape`, and
-`selvedge info` measures its last frame. Without --peer Selvedge itself is fitted, by the same search.
+A fabric is a sheet that is isotropic in its plane. Its bending stiffness is changed until the drape
+coefficient is the mean of the captures of --specimens; that along one thread over that along the
+other until the shadow is as oblong (second harmonic), where a program bends differently along the
+two: of those here Selvedge alone. The other specimens are a check. The sheet that comes nearest is
+draped on --drapes meshes. Meshes and measures are Selvedge's: a peer moves the mesh of the scene
+`drape`, and `selvedge info` measures its last frame. Without --peer Selvedge itself is fitted, by the same search.
 Rows are added to drapes.csv in --output. Needs NumPy, and the package of the peer.
 """
 
@@ -109,7 +110,7 @@ def drape(args: argparse.Namespace, plate: float, ratio: float, stretch: float, 
 
 
 def fit(args: argparse.Namespace, wanted: float, oblong: float) -> tuple[float, float, float, int, np.ndarray]:
-    """Stiffness of bending, its ratio, that in the plane, number and drapes [seeds, measures] of the try that comes nearest."""
+    """Stiffness of bending, its ratio, that in the plane, number and drapes [seeds, measures] of the nearest try."""
     is_limp = wanted < LIMP
     plate, stretch = DENSITY * 1e-5 * math.exp(np.interp(wanted, *BEND[is_limp])), STRETCH[is_limp]
     beyond = math.sqrt(max(oblong**2 - ROUND**2, 0)) if args.peer is None else 0

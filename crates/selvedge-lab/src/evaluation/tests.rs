@@ -154,7 +154,7 @@ fn errors_fall_with_substeps_and_are_those_of_first_order() {
 
 /// A handle that takes hold again does so of the cloth where that is, in whole runs and from true states.
 #[test]
-fn a_handle_that_takes_hold_again_leads_nobody_astray() {
+fn a_handle_that_takes_hold_again_starts_where_the_cloth_is() {
     let groups = r#"
 [[handles.groups]]
 name = "first"
