@@ -58,7 +58,6 @@ struct Held {
 struct Boxes {
     points: Vec<Rough>,
     faces: Vec<Rough>,
-    edges: Vec<Rough>,
 }
 
 /// Ways of all points, for which candidates are found.
@@ -344,8 +343,7 @@ impl Candidates {
             self.find(mesh, ways, reach);
             return;
         }
-        if self.touches_itself {
-            self.centre(ways);
+        if !self.own_hold(ways) {
             if let Some(patches) = &mut self.patches {
                 patches.look_again(ways.from, ways.to);
             }
@@ -356,18 +354,17 @@ impl Candidates {
             self.search_own(mesh, false);
             self.own_come_first &= self.pairs.len() == count;
         }
-        self.world.widen(ways, mesh.radii(), reach.gap, reach.slack);
-        self.search_others(mesh, false);
+        if !self.world.holds(ways.from, ways.to) {
+            self.world.widen(ways, mesh.radii(), reach.gap, reach.slack);
+            self.search_others(mesh, false);
+        }
     }
 
     /// Adds the pairs of the cloth with itself whose boxes meet now; in a search that is not `anew`,
     /// those of which this was not so in the last one.
     fn search_own(&mut self, mesh: &CollisionMesh, anew: bool) {
-        let (faces, edges) = match mesh.bodies().first() {
-            Some(cloth) => (cloth.faces.len(), cloth.edges.len()),
-            None => (0, 0),
-        };
-        self.centred.boxes.close(mesh, faces, edges);
+        let faces = mesh.bodies().first().map_or(0, |cloth| cloth.faces.len());
+        self.centred.boxes.close(mesh, faces);
         let patches = self.patches.as_ref();
         let has_lost = |face: u32| patches.is_some_and(|patches| patches.has_lost(face));
         let held = &self.centred;
@@ -389,8 +386,7 @@ impl Candidates {
 
     /// As [`Self::search_own`], of the cloth with obstacles.
     fn search_others(&mut self, mesh: &CollisionMesh, anew: bool) {
-        let (faces, edges) = (mesh.faces().len(), mesh.edges().len());
-        self.world.boxes.close(mesh, faces, edges);
+        self.world.boxes.close(mesh, mesh.faces().len());
         let held = &self.world;
         for tree in &mut self.trees {
             tree.refit(|face| {
@@ -471,28 +467,29 @@ fn paths(ways: Ways<'_>) -> impl Iterator<Item = Bounds> {
 }
 
 impl Boxes {
-    /// Puts the boxes of the first faces and edges around those of their points.
-    fn close(&mut self, mesh: &CollisionMesh, face_count: usize, edge_count: usize) {
-        let points = &self.points;
-        let around = |corners: &[u32]| {
-            let first = points[corners[0] as usize];
-            let rest = corners[1..].iter();
-            rest.fold(first, |all, p| all.around(points[*p as usize]))
-        };
+    /// Puts the boxes of the first faces around those of their points.
+    fn close(&mut self, mesh: &CollisionMesh, face_count: usize) {
         let faces = mesh.faces()[..face_count].iter();
+        let points = &self.points;
         self.faces.clear();
-        self.faces.extend(faces.map(|face| around(face)));
-        let edges = mesh.edges()[..edge_count].iter();
-        self.edges.clear();
-        self.edges.extend(edges.map(|edge| around(&edge.ends)));
+        self.faces.extend(faces.map(|corners| {
+            let [a, b, c] = corners.map(|p| points[p as usize]);
+            a.around(b).around(c)
+        }));
+    }
+
+    /// The box of an edge.
+    #[inline]
+    fn edge(&self, [a, b]: [u32; 2]) -> Rough {
+        self.points[a as usize].around(self.points[b as usize])
     }
 
     fn vertex_meets(&self, vertex: u32, face: u32) -> bool {
         self.points[vertex as usize].meets(&self.faces[face as usize])
     }
 
-    fn edges_meet(&self, first: u32, second: u32) -> bool {
-        self.edges[first as usize].meets(&self.edges[second as usize])
+    fn edges_meet(&self, first: [u32; 2], second: [u32; 2]) -> bool {
+        self.edge(first).meets(&self.edge(second))
     }
 }
 
@@ -512,10 +509,8 @@ impl Finder<'_> {
         self.vertices(a, b, anew);
         self.vertices(b, a, anew);
         for first in self.mesh.share(a).edges {
-            if first != NONE
-                && self.held.boxes.edges[first as usize].meets(&self.held.boxes.faces[b as usize])
-            {
-                self.edges_with(first, self.mesh.share(b).edges, anew);
+            if first != NONE {
+                self.edges_with(first, b, anew);
             }
         }
         if self.pairs.len() > first {
@@ -539,9 +534,14 @@ impl Finder<'_> {
         }
     }
 
-    fn edges_with(&mut self, first: u32, others: [u32; 3], anew: bool) {
+    /// Pairs of an edge with the edges for which `face` stands.
+    fn edges_with(&mut self, first: u32, face: u32, anew: bool) {
         let [a, b] = self.mesh.edges()[first as usize].ends;
-        for second in others {
+        let boxes = &self.held.boxes;
+        if !boxes.edge([a, b]).meets(&boxes.faces[face as usize]) {
+            return;
+        }
+        for second in self.mesh.share(face).edges {
             if second == NONE {
                 continue;
             }
@@ -549,8 +549,8 @@ impl Finder<'_> {
             if a == c || a == d || b == c || b == d {
                 continue;
             }
-            if self.held.boxes.edges_meet(first, second)
-                && (anew || !self.held.before.edges_meet(first, second))
+            if boxes.edges_meet([a, b], [c, d])
+                && (anew || !self.held.before.edges_meet([a, b], [c, d]))
             {
                 self.push(Pair::edge_edge(first, second, [a, b, c, d]));
             }

@@ -114,11 +114,10 @@ fn are_beyond(first: &[DVec3], second: &[DVec3], common: Option<DVec3>) -> bool 
     };
     let ([least, _], [_, most]) = (along(first), along(second));
     let size = |of: &[DVec3]| {
-        of.iter()
-            .map(|p| (*p - origin).length())
-            .fold(0.0, f64::max)
+        let squares = of.iter().map(|p| (*p - origin).length_squared());
+        squares.fold(direction.length_squared(), f64::max)
     };
-    let rounding = 1e-12 * direction.length() * size(first).max(size(second));
+    let rounding = 1e-12 * size(first).max(size(second));
     match common {
         None => least - most > rounding,
         Some(_) => least > rounding && most < -rounding,

@@ -95,14 +95,17 @@ impl Runner {
 
     /// Moves the cloth by a frame.
     pub(super) fn step(&mut self) -> Result<()> {
+        let cloth: &mut dyn Stepper = match &mut self.cloth {
+            Cloth::Guarded(cloth, _) => &mut **cloth,
+            Cloth::Physics(cloth) => &mut **cloth,
+            Cloth::Other(cloth) => &mut **cloth,
+        };
+        // Its own frames may count from where it started.
+        self.path.follow(self.frame, &cloth.handle_places());
         let targets = self.path.targets(self.frame, self.samples_per_frame)?;
-        match &mut self.cloth {
-            Cloth::Guarded(cloth, summary) => {
-                cloth.step(&targets)?;
-                summary.add(cloth.trust());
-            }
-            Cloth::Physics(cloth) => cloth.step(&targets)?,
-            Cloth::Other(cloth) => cloth.step(&targets)?,
+        cloth.step(&targets)?;
+        if let Cloth::Guarded(cloth, summary) = &mut self.cloth {
+            summary.add(cloth.trust());
         }
         self.frame += 1;
         Ok(())

@@ -152,6 +152,34 @@ fn errors_fall_with_substeps_and_are_those_of_first_order() {
     assert_eq!(found.timings.len(), 3);
 }
 
+/// A handle that takes hold again does so of the cloth where that is, in whole runs and from true states.
+#[test]
+fn a_handle_that_takes_hold_again_starts_where_the_cloth_is() {
+    let groups = r#"
+[[handles.groups]]
+name = "first"
+select = { vertices = [0] }
+released = [{ from = 0.05, to = 0.1 }]
+[[handles.groups]]
+name = "last"
+select = { vertices = [3] }
+"#;
+    let scene = PUSH.replace("handles = { label = \"upper-corners\" }\n", groups);
+    let scene = parse_scene(&scene, Path::new(""), "let-go").unwrap();
+    let cases = Case::converged(&[scene], &[], &[], &linearised(64)).unwrap();
+    let methods = [Method::physics(linearised(32)), model()];
+    let folder = tempfile::tempdir().unwrap();
+    let horizons = horizons();
+    let found = complete(&plan(&cases, &methods, &horizons, folder.path()));
+    let summaries = summed(&found);
+    let whole = position(summaries[0].whole.unwrap());
+    assert!(whole < 5e-3, "{whole} m");
+    for summary in &summaries {
+        let after_one = position(summary.after[0]);
+        assert!(after_one < 5e-3, "{}: {after_one} m", summary.method);
+    }
+}
+
 #[test]
 fn threads_and_a_kept_reference_change_nothing() {
     let folder = tempfile::tempdir().unwrap();

@@ -298,10 +298,11 @@ fn made_again(run: &StateRun, first: usize, scene: &Scene) -> Result<bool> {
     let (positions, velocities) = of(0);
     let state = Checkpoint::of(0, positions.to_vec(), velocities.to_vec());
     let mut simulator = simulator(scene, state, first)?;
-    let path = scene.handle_path()?;
+    let mut path = scene.handle_path()?;
     let substeps = scene.physics.substeps as usize;
     for place in 1..run.states.len().min(CHECKED + 1) {
-        simulator.step(&path.targets(first + place - 1, substeps)?)?;
+        let targets = path.next(&simulator, substeps)?;
+        simulator.step(&targets)?;
         if of(place) != (simulator.positions_f64(), simulator.velocities_f64()) {
             return Ok(false);
         }

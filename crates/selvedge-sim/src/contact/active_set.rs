@@ -218,10 +218,9 @@ impl Contact {
     /// Drops the collisions that pulled in the last solve, whose ends are certified or not. Returns
     /// true if there were some.
     pub(super) fn release(&mut self, collisions: &mut Collisions) -> bool {
-        let count = collisions.list.len();
         let sorted = collisions.sorted;
         let mut place = 0;
-        self.forget_pulling(collisions);
+        let some_pull = self.forget_pulling(collisions) > 0;
         let end = &self.end;
         collisions.list.retain(|collision| {
             let pulls = collision.pulls(|v| end[v]);
@@ -229,7 +228,7 @@ impl Contact {
             place += 1;
             !pulls
         });
-        collisions.list.len() < count
+        some_pull
     }
 
     /// Forgets that solves missed the collisions that pulled in the last one. Gives the number of those that
@@ -239,8 +238,9 @@ impl Contact {
         let all = collisions.list.iter();
         let pulling = all.filter(|collision| collision.pulls(|v| end[v]));
         let forget = |collision: &Collision| {
-            if collision.at.is_some() {
-                caught.retain(|caught| caught.of != collision.pair);
+            let known = caught.binary_search_by_key(&collision.pair, |caught| caught.of);
+            if let (Some(_), Ok(place)) = (collision.at, known) {
+                caught.remove(place);
             }
         };
         pulling.map(forget).count()

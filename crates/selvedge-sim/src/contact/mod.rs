@@ -73,8 +73,6 @@ pub struct ContactCounts {
     pub held_back: u64,
     /// Substeps that were divided, each division once.
     pub divisions: u64,
-    /// Solves by backward Euler in place of a second-order formula, because what touches changed.
-    pub fell_back: u64,
     /// Pairs that push now.
     pub touching: u64,
     /// Frames in which the cloth rested, and nothing was solved.

@@ -230,9 +230,7 @@ impl Contact {
         let looks_back = !jumps && history.fits(left);
         self.looked_back = looks_back;
         if active.looks_back() {
-            let fell_back = u64::from(!looks_back);
-            self.counts.fell_back += fell_back;
-            history.counts.fell_back += fell_back;
+            history.counts.fell_back += u64::from(!looks_back);
             history.counts.all += 1;
         }
         self.history = if jumps { HistoryUse::Forgotten } else { HistoryUse::ToKeep };

@@ -15,7 +15,7 @@ const PLATE: [f64; 6] = [1.0, 1.0, -1.0 / 3.0, 8.0 / 3.0, 0.0, 0.0];
 /// near 1.
 const SWEEPS: usize = 10;
 /// Bounds of a factor; and of the mean factor around a vertex: squares with diagonals cannot be even.
-const BOUNDS: [f64; 2] = [0.5, 1.6];
+const BOUNDS: [f64; 2] = [0.3, 2.0];
 const MOST_SHIFT: f64 = 0.3;
 
 /// Energy of a hinge, for an area of one; its factor per area that it answers for; at the edge of a
@@ -110,15 +110,14 @@ pub(crate) fn factors(scene: &Scene) -> Vec<f64> {
         if let Some((_, per_area, _)) = hinge {
             let (left, right) = topology.edges()[edge].faces;
             let own = part[left.index()] + right.map_or(0.0, |face: FaceId| part[face.index()]);
-            let even = (sums[edge][0] / sums[edge][1]).clamp(BOUNDS[0], BOUNDS[1]);
-            factors[edge] = own * per_area * even;
+            factors[edge] = own * per_area * sums[edge][0] / sums[edge][1];
         }
     }
     factors
 }
 
-/// Factors with which the hinges of a patch, so much area of each, have the energy of a plate for
-/// these sums of products of curvatures.
+/// Factors within [`BOUNDS`] with which the hinges of a patch, so much area of each, have the energy of
+/// a plate for these sums of products of curvatures.
 fn plate_like(hinges: &[Option<Hinge>], patch: &[(usize, f64)], bends: &[[f64; 6]]) -> Vec<f64> {
     let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let whole: f64 = patch.iter().map(|(_, area)| area).sum();
@@ -134,8 +133,9 @@ fn plate_like(hinges: &[Option<Hinge>], patch: &[(usize, f64)], bends: &[[f64; 6
         for (row, wanted) in &rows {
             let square = product(row, row).max(f64::MIN_POSITIVE);
             let step = (wanted - product(row, &factors)) / square;
-            let changed = factors.iter_mut().zip(row);
-            changed.for_each(|(factor, entry)| *factor += step * entry);
+            for (factor, entry) in factors.iter_mut().zip(row) {
+                *factor = (*factor + step * entry).clamp(BOUNDS[0], BOUNDS[1]);
+            }
         }
     }
     let parts = patch.iter().zip(&factors);
