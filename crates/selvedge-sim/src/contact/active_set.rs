@@ -64,7 +64,7 @@ impl Contact {
         let near = self.narrow_phase(threads);
         let kept = self.nearest(&near);
         let near = || kept.iter().map(|k| &near[*k as usize]);
-        self.squeeze.see(near());
+        self.squeeze.see(near(), &self.neighbours.joined);
         self.memory.caught.clear();
         self.memory
             .caught
@@ -187,8 +187,7 @@ impl Contact {
         let anchor = self.anchor(own, gap.normal);
         let mean_mass = weighted / squares;
         let squeeze = &self.squeeze;
-        let joined = &self.neighbours.joined;
-        let pressure = squeeze.push(pair, body, is_of_core, mean_mass, gap.normal, joined);
+        let pressure = squeeze.push(pair, body, is_of_core, mean_mass, gap.normal);
         Collision {
             pair: key(pair),
             corners: pair.corners,
