@@ -46,7 +46,7 @@ fn of_radius(radius: f64) -> Integrator {
 #[test]
 fn settings_are_read_as_people_write_them_and_come_back() {
     type Change = fn(&mut PhysicsSettings);
-    let cases: [(&str, Change); 7] = [
+    let cases: [(&str, Change); 8] = [
         ("integrator = { generalised-alpha = {} }", |_| ()),
         (
             "integrator = { generalised-alpha = { spectral_radius = 0.5 } }",
