@@ -43,4 +43,4 @@ go_on rp-gru10-early rp-gru10-late
 one rp-gru10-late new rp-gru10 --set steps=36000 \
     --set 'scheduled_sampling.truth={ kind = "linear", start = 750, end = 3000, probability = 0.0 }'
 
-evaluate --data data/paper --baselines rigid,mirror
+evaluate --data data/paper --baselines rigid

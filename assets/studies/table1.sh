@@ -48,4 +48,4 @@ one without-physics new rp-gru10 \
 
 one full new rp-gru10
 
-evaluate --data data/paper --baselines rigid,mirror
+evaluate --data data/paper --baselines rigid

@@ -27,4 +27,4 @@ one four-frames new first \
     --set 'unroll={ kind = "growing", start = 9000, end = 9100, frames = 4 }' \
     --set 'scheduled_sampling.truth={ kind = "linear", start = 9100, end = 9500, probability = 0.1 }'
 
-evaluate --data data/small --baselines rigid,mirror
+evaluate --data data/small --baselines rigid

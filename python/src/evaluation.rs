@@ -84,7 +84,7 @@ impl Evaluation {
 /// Runs models, physics and baselines along the trajectories of data sets, as `selvedge eval --data`
 /// does. `models` are models by their names in tables; `guards` are none or limit;
 /// `horizons` are frames after true states and `starts` how many of these there are;
-/// `baselines` are rigid and mirror; `physics` are substeps of physics that runs too.
+/// `baselines`: rigid; `physics` are substeps of physics that runs too.
 ///
 /// # Errors
 /// What of a model or a data set went wrong. A run that fails is one that says so.
@@ -114,7 +114,7 @@ pub(crate) fn evaluate(
     methods.extend(physics.map(Method::physics));
     for name in &baselines {
         let baseline = Method::baseline(name);
-        let unknown = || wrong(format!("baselines: {name:?} is none of rigid, mirror"));
+        let unknown = || wrong(format!("baselines: {name:?} is not rigid"));
         methods.push(baseline.ok_or_else(unknown)?);
     }
     let split = word("split", split)?;

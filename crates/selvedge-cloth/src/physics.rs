@@ -16,8 +16,9 @@ pub struct PhysicsSettings {
     /// Elastic law: what a material's tables of stretching and bending mean.
     pub law: ElasticLaw,
     /// True for hinges whose stiffness is evened out over the mesh: a cloth of irregular triangles
-    /// then bends alike in every direction and along its border. Not as ARCSim.
-    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    /// then bends alike in every direction and along its border, as a plate does. ARCSim's are not,
+    /// nor those of files made before this was the default, which do not name it.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub even_bending: bool,
     /// Law of the air within a substep.
     pub air: AirLaw,
@@ -192,7 +193,7 @@ impl Default for PhysicsSettings {
             substeps: 2,
             handles: HandleConstraint::default(),
             law: ElasticLaw::default(),
-            even_bending: false,
+            even_bending: true,
             air: AirLaw::default(),
             integrator: Integrator::default(),
             least_damping: None,

@@ -46,7 +46,7 @@ fn of_radius(radius: f64) -> Integrator {
 #[test]
 fn settings_are_read_as_people_write_them_and_come_back() {
     type Change = fn(&mut PhysicsSettings);
-    let cases: [(&str, Change); 7] = [
+    let cases: [(&str, Change); 8] = [
         ("integrator = { generalised-alpha = {} }", |_| ()),
         (
             "integrator = { generalised-alpha = { spectral_radius = 0.5 } }",
@@ -65,6 +65,7 @@ fn settings_are_read_as_people_write_them_and_come_back() {
             s.integrator = Integrator::Linearised;
         }),
         ("max_strain = 3.5", |s| s.max_strain = 3.5),
+        ("even_bending = true", |_| ()),
         ("solver = \"cholesky\"", |s| {
             s.solver = LinearSolver::Cholesky
         }),
@@ -74,7 +75,10 @@ fn settings_are_read_as_people_write_them_and_come_back() {
         }),
     ];
     for (text, change) in cases {
-        let mut expected = PhysicsSettings::default();
+        let mut expected = PhysicsSettings {
+            even_bending: text.contains("even_bending"),
+            ..PhysicsSettings::default()
+        };
         change(&mut expected);
         let settings: PhysicsSettings = toml::from_str(text).unwrap();
         assert_eq!(settings, expected, "{text}");

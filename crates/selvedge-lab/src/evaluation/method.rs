@@ -1,4 +1,4 @@
-//! The methods that are compared: models, physics with so many substeps, and two baselines.
+//! The methods that are compared: models, physics with so many substeps, and a baseline.
 
 use std::fmt;
 use std::str::FromStr;
@@ -31,9 +31,6 @@ pub enum Mover {
     Physics(PhysicsMethod),
     /// Baseline: the rest pose moves rigidly with the handles.
     Rigid,
-    /// Baseline: the physics in the mirrored buckling mode. Whole runs only: it never starts from
-    /// a true state.
-    Mirror,
 }
 
 /// The kind of a method.
@@ -61,16 +58,12 @@ pub struct PhysicsMethod {
 
 impl Method {
     /// Names of the baselines.
-    pub const BASELINES: [&'static str; 2] = ["rigid", "mirror"];
+    pub const BASELINES: [&'static str; 1] = ["rigid"];
 
     /// The baseline of this name.
     pub fn baseline(name: &str) -> Option<Self> {
-        let mover = match name {
-            "rigid" => Mover::Rigid,
-            "mirror" => Mover::Mirror,
-            _ => return None,
-        };
-        let name = name.to_owned();
+        let name = (name == "rigid").then(|| name.to_owned())?;
+        let mover = Mover::Rigid;
         Some(Self { name, mover })
     }
 
@@ -103,7 +96,7 @@ impl Method {
         match self.mover {
             Mover::Model(..) => Kind::Model,
             Mover::Physics(_) => Kind::Physics,
-            Mover::Rigid | Mover::Mirror => Kind::Baseline,
+            Mover::Rigid => Kind::Baseline,
         }
     }
 
@@ -112,7 +105,7 @@ impl Method {
     pub(super) fn wants_scene(&self) -> bool {
         match &self.mover {
             Mover::Model(_, guard, _) => *guard != Correction::None,
-            Mover::Physics(_) | Mover::Mirror => true,
+            Mover::Physics(_) => true,
             Mover::Rigid => false,
         }
     }

@@ -28,10 +28,8 @@ mod truth;
 use std::collections::BTreeSet;
 
 use anyhow::{Context, Result};
-use glam::DVec3;
 use rayon::prelude::*;
-use selvedge_cloth::{Checkpoint, Scene};
-use serde_json::Value;
+use selvedge_cloth::Checkpoint;
 use thiserror::Error;
 
 pub use self::case::{Case, RandomCases};
@@ -47,9 +45,8 @@ use self::course::Course;
 use self::measures::Gauge;
 use self::runner::Runner;
 use self::truth::{Prepared, Reference, Truth};
-use crate::cause::chain;
 use crate::event::{End, OnEvent, Reporter, Task};
-use crate::{folder, physics, workers};
+use crate::{folder, workers};
 
 /// A choice of cases, methods or numbers that makes no sense; the message names the field and the
 /// remedy.
@@ -95,17 +92,12 @@ pub fn evaluate(
     }
 }
 
-/// Names meshes, finds the starts of references that are to be made, and the mirrored buckling
-/// modes. None where an end is asked for.
+/// Names meshes and finds the starts of references that are to be made. None where an end is asked for.
 fn prepare<'a>(
     plan: &EvaluationPlan<'a>,
     reporter: &Reporter<'_>,
 ) -> Result<Option<Vec<Prepared<'a>>>> {
-    let is_mirror = |method: &Method| matches!(method.mover, Mover::Mirror);
-    let with_mirror = plan.horizons.whole && plan.methods.iter().any(is_mirror);
     let mut meshes = Meshes::default();
-    // Rest poses in the mirrored mode, by the setting of the scene.
-    let mut mirrored_rests: Vec<(Value, Vec<DVec3>)> = Vec::new();
     let mut all: Vec<Prepared<'a>> = Vec::with_capacity(plan.cases.len());
     for case in plan.cases {
         let on = plan.horizons.on(case)?;
@@ -125,16 +117,6 @@ fn prepare<'a>(
             Err(_) if reporter.is_stopped() => return Ok(None),
             found => found?,
         };
-        let mirror = with_mirror.then(|| {
-            let known = mirrored_rests
-                .iter()
-                .find(|known| known.0 == spec["setting"]);
-            let found = mirrored(case, known.map(|known| known.1.clone()), reporter);
-            if let (None, Ok((_, rest))) = (known, &found) {
-                mirrored_rests.push((spec["setting"].clone(), rest.clone()));
-            }
-            found.map_err(|error| chain(error.as_ref()))
-        });
         if reporter.is_stopped() {
             return Ok(None);
         }
@@ -144,7 +126,6 @@ fn prepare<'a>(
             on,
             mesh: mesh.unwrap_or_default(),
             start,
-            mirror,
         });
     }
     Ok(Some(all))
@@ -178,28 +159,6 @@ fn start_of_reference(
         .iter()
         .for_each(|warning| reporter.remark(warning));
     Ok(Some(found.state))
-}
-
-/// The scene of a case in the mirrored buckling mode: with the sign of its bulge turned, and its
-/// rest pose, where that is not `known`.
-fn mirrored(
-    case: &Case,
-    known: Option<Vec<DVec3>>,
-    reporter: &Reporter<'_>,
-) -> Result<(Scene, Vec<DVec3>)> {
-    let mut scene = match &case.source {
-        Source::Converged(loaded, _) | Source::Random(loaded, ..) => loaded.scene.clone(),
-        Source::Recorded(data, entry) => {
-            let trajectory = data.read(entry)?;
-            physics::scene_of(&trajectory)?
-        }
-    };
-    scene.sag.bulge = -scene.sag.bulge;
-    if let Some(rest) = known {
-        return Ok((scene, rest));
-    }
-    let rest = physics::rest_pose(&scene, &mut reporter.listener())?;
-    Ok((scene, rest.positions))
 }
 
 /// Frames of all runs that are to be made.
@@ -248,9 +207,7 @@ fn on_case(
     let jobs: Vec<(usize, &[usize], bool)> = starts.chain(whole).collect();
     // A start counts when all methods have run from it.
     let of_start = |&(start, frames, is_whole): &(usize, &[usize], bool)| -> Option<Vec<Run>> {
-        let runs_here =
-            |method: &&(Method, Kind)| is_whole || !matches!(method.0.mover, Mover::Mirror);
-        let methods = methods.iter().filter(runs_here);
+        let methods = methods.iter();
         let runs = methods.map(|method| course.run(method, start, frames, is_whole));
         runs.collect()
     };
@@ -300,10 +257,8 @@ fn timings(
         };
         for method in plan.methods {
             let [first, last] = job.on.span;
-            let start = match (&method.mover, job.case.has_truth()) {
-                (Mover::Mirror, _) | (_, false) => first,
-                _ => first + (last - first) / 2,
-            };
+            let middle = first + (last - first) / 2;
+            let start = if job.case.has_truth() { middle } else { first };
             let time = || {
                 let runner = Runner::start(method, job, &truth, start).ok()?;
                 runner.milliseconds(last - start, reporter)

@@ -3,9 +3,9 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result};
 use glam::DVec3;
-use selvedge_cloth::{Checkpoint, HandlePath, Stepper};
+use selvedge_cloth::{HandlePath, Stepper};
 use selvedge_guard::{Correction, Guard};
 use selvedge_sim::Simulator;
 
@@ -57,14 +57,6 @@ impl Runner {
                 let scene = physics.scene(truth.scene()?);
                 let cloth = simulator(&scene, state()?, frame)?;
                 let samples = physics.substeps as usize;
-                (Cloth::Physics(Box::new(cloth)), true, samples)
-            }
-            Mover::Mirror => {
-                let mirror = prepared.mirror.as_ref();
-                let mirror = mirror.context("the mirrored mode was not asked for")?;
-                let (scene, rest) = mirror.as_ref().map_err(|why| anyhow!("{why}"))?;
-                let cloth = simulator(scene, Checkpoint::at_rest(rest.clone()), frame)?;
-                let samples = scene.physics.substeps as usize;
                 (Cloth::Physics(Box::new(cloth)), true, samples)
             }
             Mover::Model(model, guard, machine) => {

@@ -196,7 +196,7 @@ fn threads_and_a_kept_reference_change_nothing() {
     other.states[1].positions[2].x += 1e-9;
     let provenance = selvedge_data::Provenance {
         frame_rate: 60.0,
-        scene: Value::Null,
+        scene: serde_json::Value::Null,
         made_by: String::new(),
     };
     other.write(&path, &provenance).unwrap();
@@ -234,7 +234,6 @@ fn models_and_baselines_run_beside_physics_from_the_same_states() {
         Method::physics(linearised(1)),
         model(),
         Method::baseline("rigid").unwrap(),
-        Method::baseline("mirror").unwrap(),
     ];
     let (cases, horizons) = (cases(), horizons());
     let found = complete(&plan(&cases, &methods, &horizons, folder.path()));
@@ -248,13 +247,10 @@ fn models_and_baselines_run_beside_physics_from_the_same_states() {
         "mine",
         "rigid",
         "linearised, 32 substeps",
-        "mirror",
     ];
     assert_eq!(names, expected);
     let own = position(summaries[1].after[1]);
     assert!(own > 0.0 && own < 0.05, "{own}");
-    // The mirrored mode never starts from a true state.
-    assert!(summaries[4].after.is_empty() && summaries[4].whole.is_some());
     assert!(summaries[1].ratios.is_some());
 }
 
@@ -285,7 +281,6 @@ fn a_recorded_run_of_a_method_is_followed_by_the_same_method() {
         on: horizons().on(&cases()[0]).unwrap(),
         mesh: String::new(),
         start: None,
-        mirror: None,
     };
     let substeps = loaded.scene.physics.substeps;
     let same = Method::physics(substeps.to_string().parse().unwrap());

@@ -44,8 +44,6 @@ pub(super) struct Prepared<'a> {
     pub(super) mesh: String,
     /// The start of a converged run.
     pub(super) start: Option<Checkpoint>,
-    /// The mirrored buckling mode of its scene, at rest, where somebody runs there.
-    pub(super) mirror: Option<Result<(Scene, Vec<DVec3>), String>>,
 }
 
 impl Truth {

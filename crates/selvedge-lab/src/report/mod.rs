@@ -186,8 +186,7 @@ starts, then over cases. Whole runs start in the first frame and are fed with th
 measures are over all frames, then means over cases: of the distances of vertices the RMSE, the mean and
 the largest, of edges the RMSE of their lengths, and the mean speed in the last second; *at most* is the
 largest correction by a guard. None is given where a run failed: a mean over the others would flatter.
-Baselines: rigid, the rest pose moved with the handles; mirror, the physics
-in the mirrored buckling mode (whole runs only). A run diverges where some edge strains over 30 %
+Baseline: rigid, the rest pose moved with the handles. A run diverges where some edge strains over 30 %
 and over 1.5 times the truth's largest strain for more than 10 frames in a row, or where it fails.
 Folds and the other ratios are parts of the truth's: 1 is as the truth. A trajectory has no velocities:
 physics takes those between the first two frames. Where a scene's converged physics is the truth, the

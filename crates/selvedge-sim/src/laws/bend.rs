@@ -204,7 +204,7 @@ impl<N: Number> BendElement<N> {
 }
 
 /// Row of the table for an edge in this direction, folded into 0 to 90° from the course axis.
-fn stiffness_along(table: &BendTable, along: DVec2) -> [f64; 5] {
+pub(crate) fn stiffness_along(table: &BendTable, along: DVec2) -> [f64; 5] {
     let (low, between) = row_place(along);
     let rows = &table.0;
     std::array::from_fn(|column| {

@@ -71,8 +71,8 @@ pub struct Gradient {
     pub materials: Vec<MaterialGradient>,
     /// By the rest angle of each edge `[1/rad]`, `[edges]`; 0 at the boundary.
     pub rest_angles: Vec<f64>,
-    /// By the points of the pattern `[1/m]`, `[points]`, which make rest lengths, areas and masses. The area on
-    /// which pressure squeezes the fabric counts as given, and so does what `physics.even_bending` makes of it.
+    /// By the points of the pattern `[1/m]`, `[points]`, which make rest lengths, areas, masses and how hinges are
+    /// evened out. The area on which pressure squeezes the fabric counts as given.
     pub pattern: Vec<DVec2>,
 }
 

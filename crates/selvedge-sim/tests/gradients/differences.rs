@@ -49,6 +49,10 @@ impl Case {
     /// second third, and takes hold again in the last.
     fn new(fabric: &str, side: usize, frames: usize) -> Self {
         let mut scene = hanging(side);
+        // Squares are kinks of what evens out their hinges.
+        scene.mesh = with_points(&scene.mesh, |_, k, p| {
+            p + vector(9000 + k).truncate() * 0.002
+        });
         scene.material = material(fabric);
         scene.material.damping = 2e-3;
         scene.environment.wind = DVec3::new(2.0, 0.3, -0.7);
@@ -403,7 +407,7 @@ fn the_default_solver_gives_the_gradient_of_the_exact_one() {
     println!("default solver: {error:.1e}");
     assert!(error < 1e-5, "{error}");
     let [found, exact] = [found, exact].map(|g| g.materials[0].density);
-    assert!((found / exact - 1.0).abs() < 1e-5, "{found} {exact}");
+    assert!((found / exact - 1.0).abs() < 1e-4, "{found} {exact}");
 }
 
 /// A mirror image of the cloth hangs on the other side: what is the same on both has no slope across.

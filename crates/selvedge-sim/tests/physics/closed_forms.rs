@@ -224,14 +224,12 @@ fn cantilever(half: (Vec<DVec2>, Vec<[u32; 3]>), is_clamped: bool, in_plane: f64
 /// E h of a sheet that hardly stretches, and of a fabric under the small loads of a drape `[N/m]`.
 const IN_PLANE: [f64; 2] = [40_000.0, 1000.0];
 
-/// Places of a sheet of this bending length `[m]` and this E h `[N/m]` that hangs from `held`, with even
-/// bending.
+/// Places of a sheet of this bending length `[m]` and this E h `[N/m]` that hangs from `held`.
 fn hanging(mesh: Mesh, held: &[u32], bending_length: f64, in_plane: f64) -> Vec<DVec3> {
     let (sheet, density) = (elastic(in_plane / 2e-4, 0.3, 2e-4), 0.2);
     let wanted = bending_length.powi(3) * density * GRAVITY;
     let material = isotropic(sheet, density).multiplied(1.0, wanted / sheet.plate_stiffness());
-    let mut scene = scene(mesh, material, held);
-    scene.physics.even_bending = true;
+    let scene = scene(mesh, material, held);
     sag(&scene).unwrap().positions
 }
 

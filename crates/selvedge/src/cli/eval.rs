@@ -60,9 +60,8 @@ pub(crate) struct EvalArgs {
     /// linearised:4; several, separated by commas.
     #[arg(long, value_name = "[INTEGRATOR:]SUBSTEPS", value_delimiter = ',', value_parser = PhysicsMethod::from_str)]
     physics: Vec<PhysicsMethod>,
-    /// Baselines, separated by commas: rigid (the rest pose moved with the handles), mirror (the
-    /// solver in the mirrored buckling mode, which takes the most time), or none [default: rigid].
-    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = ["rigid", "mirror", "none"])]
+    /// Baseline: rigid (the rest pose moved with the handles), or none [default: rigid].
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = ["rigid", "none"])]
     baselines: Vec<String>,
     /// Frames k from true states after which errors are taken, separated by commas [default: those
     /// of 1,5,10,20,50,100,200 that fit].

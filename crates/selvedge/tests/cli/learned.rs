@@ -79,7 +79,7 @@ fn a_model_is_measured_beside_the_baselines() {
     let dir = TestFolder::new();
     dir.model();
     let report = dir.json(
-        "eval --model run/model.safetensors --data tiny --motion lift --horizons 5 --baselines rigid,mirror",
+        "eval --model run/model.safetensors --data tiny --motion lift --horizons 5 --baselines rigid",
     );
     let means = || rows(&report, "means").iter();
     let mean = |name: &str| means().find(|mean| mean["method"] == name).unwrap();
@@ -96,10 +96,8 @@ fn a_model_is_measured_beside_the_baselines() {
     let strain = number(mean("rigid"), "/whole/largest_strain");
     // f32 positions: a relative error of 1e-7 of positions over edges five times shorter.
     assert!((strain - number(&still, "/largest_strain")).abs() < 3e-6);
-    // The mirrored mode is as good a cloth as the truth, but another one.
-    assert!(number(mean("mirror"), "/whole/errors/position_rmse") > 1e-3);
     let timings = rows(&report, "timings");
-    assert_eq!(column(timings, "method"), ["run", "rigid", "mirror"]);
+    assert_eq!(column(timings, "method"), ["run", "rigid"]);
     assert!(timings.iter().all(|t| number(t, "/ms_per_frame") > 0.0));
 }
 

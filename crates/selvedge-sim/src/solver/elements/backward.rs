@@ -300,6 +300,7 @@ impl Elements {
         }
         let factors = crate::solver::even::factors(scene);
         let mut rest_angles = vec![0.0; topology.edges().len()];
+        let mut by_factors = rest_angles.clone();
         let mut hinges = sums.hinges.iter();
         for (number, edge) in topology.edges().iter().enumerate() {
             let (left, Some(right)) = pattern.sides(edge) else {
@@ -314,12 +315,16 @@ impl Elements {
                 by[material].damping += 0.5 * damping;
                 let half = stiffness.map(|k| 0.5 * factors[number] * k);
                 let (along, table) = (side.ends[1] - side.ends[0], &materials[material].bend);
+                let plain = bend::stiffness_along(table, along);
+                let by_plain = stiffness.iter().zip(plain).map(|(by, k)| 0.5 * by * k);
+                by_factors[number] += by_plain.sum::<f64>();
                 let turned = bend::pull_stiffness(along, table, half, &mut by[material].bend);
                 let by_along = along.normalize() * (0.5 * by_length) + turned;
                 pull_edge(side.face, edge, by_along);
                 widen(&mut faces[side.face.index()], by_area * side.area());
             }
         }
+        crate::solver::even::pull_factors(scene, &by_factors, &mut by_points);
         for (by, material) in by.iter_mut().zip(&materials) {
             if scene.physics.damping(material.damping) > material.damping {
                 by.damping = 0.0;

@@ -75,6 +75,7 @@ fn sewn(longer: f64, rest_angles: [f64; 9], positions: Vec<DVec3>) -> Scene {
     let lining = material([20.0, 5.0, 10.0, 9.0], [2e-3; 3]);
     let own = material([40.0, 15.0, 80.0, 30.0], [3e-3, 2e-3, 1e-3]);
     let mut scene = Scene::of("seam", mesh.unwrap(), Handles::new(&[], 6).unwrap(), own);
+    scene.physics.even_bending = false;
     scene.fabrics.insert("lining".to_owned(), lining);
     scene.environment.gravity = DVec3::ZERO;
     scene.environment.air_density = 0.0;
