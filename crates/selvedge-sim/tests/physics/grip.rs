@@ -119,8 +119,8 @@ fn layers_between_fingers_bear_on_each_other_as_on_the_fingers() {
             let slips = inner.map(|v| (now[*v] - start[*v] - DVec3::Y * 0.05).length());
             let slip = slips.fold(0.0, f64::max);
             println!("{layers} {squares} {substeps}: push {error:.3} beside, slip {slip:.2e} m");
-            assert!(error.abs() < 0.1, "{layers} {squares} {substeps}: {error}");
-            assert!(slip < 5e-4, "{layers} {squares} {substeps}: {slip}");
+            assert!(error.abs() < 0.12, "{layers} {squares} {substeps}: {error}");
+            assert!(slip < 2e-4, "{layers} {squares} {substeps}: {slip}");
         }
     }
 }
