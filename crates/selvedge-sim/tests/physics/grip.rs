@@ -246,7 +246,7 @@ fn a_grip_that_opens_slips_at_the_weight() {
                 pushes.len()
             );
             assert!(
-                slips && (ratio - 1.0).abs() < 0.3,
+                slips && (ratio - 1.0).abs() < 0.1,
                 "{squares} {substeps}: {ratio}"
             );
         }
