@@ -20,7 +20,7 @@ const PLATE: [f64; 6] = [1.0, 1.0, -1.0 / 3.0, 8.0 / 3.0, 0.0, 0.0];
 const SWEEPS: usize = 10;
 /// Bounds of a factor; and of the mean factor around a vertex: squares with diagonals cannot be even.
 const BOUNDS: [f64; 2] = [0.3, 2.0];
-const MOST_SHIFT: f64 = 0.3;
+const MOST_SHIFT: f64 = 0.6;
 /// Square of a patch's energies, over that of a plate, which is small beside any that it can have:
 /// where symmetry leaves none, nothing is divided by 0.
 const NOTHING: f64 = 1e-6;

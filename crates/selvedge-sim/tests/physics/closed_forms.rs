@@ -264,7 +264,7 @@ fn a_cantilever_has_its_bending_length() {
         let bounds = if is_fabric { [0.02, 0.015, 0.015] } else { [0.04, 0.02, 0.02] };
         for (k, most) in bounds.into_iter().enumerate() {
             assert!(mean[k].abs() < most, "{found:.4?}");
-            let on_squares = if is_fabric { 0.065 } else { 0.025 };
+            let on_squares = if is_fabric { 0.065 } else { 0.03 };
             assert!(squares[k].abs() < on_squares, "{found:.4?}");
             // Evened out for curvatures that the clamp forbids, its hinges were 4.3, 2.1, 1.6 % off.
             assert!(largest[k] < 1.5 * most, "{found:.4?}");
