@@ -3,7 +3,6 @@
 
 use glam::DVec3;
 use selvedge_cloth::Impulse;
-use selvedge_contact::CollisionMesh;
 
 use super::collisions::Collisions;
 
@@ -44,7 +43,6 @@ impl ObstacleImpulses {
     /// the next one looks back to.
     pub(super) fn add_forces(
         &mut self,
-        surface: &CollisionMesh,
         place: impl Fn(usize) -> DVec3,
         impulse: impl Fn(DVec3, Option<DVec3>) -> [DVec3; 2],
         collisions: &Collisions,
@@ -53,9 +51,7 @@ impl ObstacleImpulses {
         self.forces.fill(Impulse::ZERO);
         self.before.clone_from(&self.all);
         for collision in &collisions.list {
-            let first = surface.body_of(collision.corners[0]);
-            let body = first.max(surface.body_of(collision.corners[3]));
-            if let Some(own) = body.checked_sub(1) {
+            if let Some(own) = collision.body.checked_sub(1) {
                 let whole: f64 = collision.weights.iter().sum();
                 let displacement = collision.displacement(&place);
                 let force = -collision.force_at(displacement);
