@@ -35,7 +35,7 @@ impl TryFrom<Value> for PhysicsFile {
             Ok(Self(settings))
         } else {
             Err(serde::de::Error::custom(
-                "handles, air and law = \"arcsim\" are chosen by physics = \"arcsim\" alone, which chooses integrator and least_damping too: leave these keys out, or the mode",
+                "handles, air and law = \"arcsim\" are chosen by physics = \"arcsim\" alone, which chooses integrator, least_damping and even_bending too: leave these keys out, or the mode",
             ))
         }
     }
