@@ -677,7 +677,7 @@ def evaluate(
     """Runs models, physics and baselines along the trajectories of data sets, as `selvedge eval --data`
     does. `models` are models by their names in tables; `guards` are none or limit;
     `horizons` are frames after true states and `starts` how many of these there are;
-    `baselines` are rigid and mirror; `physics` are substeps of physics that runs too.
+    `baselines`: rigid; `physics` are substeps of physics that runs too.
 
     # Errors
     What of a model or a data set went wrong. A run that fails is one that says so."""
