@@ -60,6 +60,7 @@ material = {{ name = "sheet", source = "peers", density = {DENSITY}, damping = {
 mesh = {{ generator = {{ kind = "drape-disc", vertices = {vertices}, size = 0.3, seed = {seed} }}, transform = {{ rotation = {{ axis = [0, 0, 1], angle_deg = -90 }}, translation = [0.15, 0, 0] }} }}
 handles = {{ label = "clamped" }}
 environment = {{ onset = {ONSET} }}
+physics = {{ even_bending = true }}
 motion = {{ inline = {{ kind = "blocks", blocks = [{{ duration = {FRAMES / RATE} }}] }} }}
 start = "mesh"
 """

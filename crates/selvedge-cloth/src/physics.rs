@@ -16,9 +16,8 @@ pub struct PhysicsSettings {
     /// Elastic law: what a material's tables of stretching and bending mean.
     pub law: ElasticLaw,
     /// True for hinges whose stiffness is evened out over the mesh: a cloth of irregular triangles
-    /// then bends alike in every direction and along its border, as a plate does. ARCSim's are not,
-    /// nor those of files made before this was the default, which do not name it.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    /// then bends alike in every direction and along its border, as a plate does. Not as ARCSim.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub even_bending: bool,
     /// Law of the air within a substep.
     pub air: AirLaw,
@@ -193,7 +192,7 @@ impl Default for PhysicsSettings {
             substeps: 2,
             handles: HandleConstraint::default(),
             law: ElasticLaw::default(),
-            even_bending: true,
+            even_bending: false,
             air: AirLaw::default(),
             integrator: Integrator::default(),
             least_damping: None,

@@ -104,8 +104,7 @@ fn faces_around(topology: &Topology) -> Lists {
 /// two faces; of a face that is held at the start for nothing, so that a clamp bends on its free side
 /// alone. Around every vertex the factors nearest to 1 are taken with which the hinges of its faces have
 /// the energy of a plate for any curvature, beside the edge of a clamp for that across it, the only one
-/// that it leaves (Kaczmarz's sweeps); a hinge has the mean of those of its vertices. A mesh of which
-/// most vertices cannot be even, such as squares with diagonals, keeps plain hinges.
+/// that it leaves (Kaczmarz's sweeps); a hinge has the mean of those of its vertices.
 fn factors_at<N: Number<Mask = bool>>(scene: &Scene, points: &[N::Vector]) -> Vec<N> {
     let mesh = &scene.mesh;
     let (topology, pattern) = (mesh.topology(), mesh.pattern());
@@ -173,7 +172,7 @@ fn factors_at<N: Number<Mask = bool>>(scene: &Scene, points: &[N::Vector]) -> Ve
     };
     let part: Vec<N> = (0..).zip(topology.face_edges()).map(part).collect();
     let around = faces_around(topology);
-    let (mut sums, mut uneven) = (vec![[zero; 2]; hinges.len()], 0);
+    let mut sums = vec![[zero; 2]; hinges.len()];
     let any: [[N; 6]; 6] = from_fn(|k| from_fn(|n| zero.same(f64::from(k == n))));
     for vertex in 0..topology.vertex_count() {
         let mut patch: Vec<(usize, N)> = Vec::new();
@@ -189,16 +188,11 @@ fn factors_at<N: Number<Mask = bool>>(scene: &Scene, points: &[N::Vector]) -> Ve
         let clamps = patch.iter().filter_map(|(edge, _)| hinges[*edge]?.2);
         let clamps: Vec<[N; 6]> = clamps.collect();
         let curvatures = if clamps.is_empty() { &any[..] } else { &clamps };
-        let found = plate_like(&hinges, &patch, curvatures, zero);
-        uneven += usize::from(found.is_none());
-        let factors = found.unwrap_or_else(|| vec![zero.same(1.0); patch.len()]);
+        let factors = plate_like(&hinges, &patch, curvatures, zero);
         for ((edge, area), factor) in patch.iter().zip(factors) {
             let [by_area, whole] = sums[*edge];
             sums[*edge] = [by_area + *area * factor, whole + *area];
         }
-    }
-    if 2 * uneven > topology.vertex_count() {
-        return factors;
     }
     for (edge, hinge) in hinges.iter().enumerate() {
         if let Some((_, per_area, _)) = hinge {
@@ -211,14 +205,13 @@ fn factors_at<N: Number<Mask = bool>>(scene: &Scene, points: &[N::Vector]) -> Ve
 }
 
 /// Factors within [`BOUNDS`] with which the hinges of a patch, so much area of each, have the energy of
-/// a plate for these sums of products of curvatures; none where their mean is farther than
-/// [`MOST_SHIFT`] from 1.
+/// a plate for these sums of products of curvatures.
 fn plate_like<N: Number<Mask = bool>>(
     hinges: &[Option<Hinge<N>>],
     patch: &[(usize, N)],
     bends: &[[N; 6]],
     zero: N,
-) -> Option<Vec<N>> {
+) -> Vec<N> {
     let product = |a: &[N], b: &[N]| a.iter().zip(b).fold(zero, |sum, (a, b)| sum + *a * *b);
     let whole = patch.iter().fold(zero, |sum, (_, area)| sum + *area);
     let mut factors = vec![zero.same(1.0); patch.len()];
@@ -241,7 +234,10 @@ fn plate_like<N: Number<Mask = bool>>(
     }
     let parts = patch.iter().zip(&factors);
     let shift = parts.fold(zero, |sum, ((_, area), f)| sum + *area * (*f - 1.0));
-    shift.abs().within(whole * MOST_SHIFT).then_some(factors)
+    if (whole * MOST_SHIFT).below(shift.abs()) {
+        factors.fill(zero.same(1.0));
+    }
+    factors
 }
 
 /// Area of a face.

@@ -229,7 +229,8 @@ fn hanging(mesh: Mesh, held: &[u32], bending_length: f64, in_plane: f64) -> Vec<
     let (sheet, density) = (elastic(in_plane / 2e-4, 0.3, 2e-4), 0.2);
     let wanted = bending_length.powi(3) * density * GRAVITY;
     let material = isotropic(sheet, density).multiplied(1.0, wanted / sheet.plate_stiffness());
-    let scene = scene(mesh, material, held);
+    let mut scene = scene(mesh, material, held);
+    scene.physics.even_bending = true;
     sag(&scene).unwrap().positions
 }
 
