@@ -108,12 +108,11 @@ fn edges_hold_on_edges_without_creep() {
     }
 }
 
-/// Two settings are left out. A sheet of squares whose edges pass over vertices of both rails all at the
-/// same instant loses a tenth of its acceleration at 20° and a quarter at 35°, why is not known; with
-/// plain hinges only at 35°.
+/// One setting is left out. A sheet whose edges pass over vertices of both rails all at the same
+/// instant loses a quarter of its acceleration at 35°, why is not known.
 #[test]
 fn edges_slide_on_edges_as_coulomb_has_it() {
-    let is_met = |on: &OnRails| on.pieces == 1 || on.turn > 0.0 || on.slope < 0.3;
+    let is_met = |on: &OnRails| on.pieces == 1 || on.turn > 0.0 || on.slope < 0.6;
     for on in rails().filter(is_met) {
         let on = OnRails {
             friction: 0.5 * on.slope.tan(),
