@@ -64,7 +64,7 @@ impl Contact {
         let near = self.narrow_phase(threads);
         let kept = self.nearest(&near);
         let near = || kept.iter().map(|k| &near[*k as usize]);
-        self.squeeze.see(near(), &self.neighbours.joined);
+        self.squeeze.see(near());
         self.memory.caught.clear();
         self.memory
             .caught
@@ -191,7 +191,6 @@ impl Contact {
         Collision {
             pair: key(pair),
             corners: pair.corners,
-            body,
             weights: gap.weights,
             normal: gap.normal,
             gap: distance,

@@ -17,7 +17,7 @@ use selvedge_contact::{Kind, weights};
 
 use super::barrier::{Barrier, Tangent};
 use super::came_from::{At, CollisionTape, ShapeOrigin, ShapeTape, Share};
-use super::collisions::{Collision, Collisions, PairLaw, RECOVERY, Sticking};
+use super::collisions::{Collision, Collisions, PairLaw, RECOVERY, SHEAR, Sticking};
 use super::friction::along_surface;
 use super::narrow_phase::{distance, edge_share, round_share};
 
@@ -420,7 +420,10 @@ impl Collision {
             (Some(_), At::Start) => barrier.at(gap, gap),
             (Some(_), At::Half) => barrier.at(half, gap),
         };
-        let grip = barrier.holds(gap).unwrap_or(inertia).greater(inertia);
+        let grip = match pressure.firm(gap, self.thickness) {
+            Some(firm) => inertia.greater(firm.stiffness * SHEAR),
+            None => inertia,
+        };
         let bearing = |gap| tangent.force_at(gap).at_least(0.0) * self.friction;
         let anchor = tape.anchor.map_or(DVec3::ZERO, |anchor| anchor.pull);
         let pull = along_surface(normal, anchor);

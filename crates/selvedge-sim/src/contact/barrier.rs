@@ -1,7 +1,6 @@
 //! The push of a gap that is too small: a cubic barrier with a stiffness tied to mass over time
 //! squared, so that it stays in proportion to the rest of the system.
 
-use super::collisions::SHEAR;
 use super::pressure::Pressure;
 use super::real::Real;
 
@@ -124,13 +123,6 @@ impl<N: Real> Barrier<N> {
             stiffness: elastic.stiffness + firm.stiffness * self.recovery,
             ..elastic
         }
-    }
-
-    /// Stiffness along the surface of a pair that is pressed firmly at the `start`, by whatever pushes there.
-    pub(super) fn holds(&self, start: N) -> Option<N> {
-        let all = self.part(self.share, start, [start, start]);
-        let is_firm = start.same(self.pressure.firm).below(all.force);
-        is_firm.then_some(all.stiffness * SHEAR)
     }
 
     /// This part of the tangent at `gap`, with the pressure of a pair that starts at the first of these gaps

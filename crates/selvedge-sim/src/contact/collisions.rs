@@ -1,7 +1,5 @@
 //! Pairs that push in a substep, as the linear system sees them.
 
-use std::collections::BTreeMap;
-
 use glam::{DMat3, DVec3, Mat3A};
 use selvedge_cloth::Touching;
 use selvedge_contact::Gap;
@@ -21,9 +19,11 @@ pub(super) const RECOVERY: f64 = 0.01;
 pub(super) const SHEAR: f64 = 0.1;
 /// Part of the most that friction bears from which it slid in the last substep.
 const SLID: f64 = 0.98;
-/// Part of what friction with a body bears at most that a solve may have wrong: a finger's rim, which bears
-/// little, changes all the time.
-const WRONG: f64 = 0.05;
+/// By how much friction may differ from what a solve took it to be: a part of it, a part of its inertial
+/// stiffness times the thickness, and the cosine of their directions.
+const NEARLY: f64 = 0.1;
+const SMALL: f64 = 0.03;
+const STRAIGHT: f64 = 0.98;
 
 /// Difference of a weight from which a face meets a round body at another place.
 const SAME_PLACE: f64 = 0.15;
@@ -39,8 +39,6 @@ pub(crate) struct Collision {
     pub(super) pair: Touching,
     /// Points of the pair; obstacles' are not below the number of the cloth's vertices.
     pub(super) corners: [u32; 4],
-    /// Body that the cloth meets; 0 where it meets itself.
-    pub(super) body: usize,
     /// Weights of the cloth's corners; 0 for those of obstacles.
     pub(super) weights: [f64; 4],
     /// Unit direction of the gap.
@@ -178,22 +176,39 @@ impl Collision {
         self.response.tangent.force_at(gap) < -least
     }
 
-    /// Whether friction sticks by the end of the last solve, with the points at `place` `[m]`; and how much more
-    /// than [`WRONG`] of it the solve had wrong `[N]`.
-    fn sees_slip(&self, place: impl Fn(usize) -> DVec3) -> (Sticking, f64) {
-        if matches!(self.sticking, Sticking::Unknown | Sticking::Light) {
-            return (self.sticking, 0.0);
-        }
-        let Response { tangent, grip, .. } = self.response;
+    /// Sees by the end of the last solve, with the points at `place` `[m]`, whether friction sticks. Returns
+    /// true if it does not do as the solve took it to do.
+    fn sees_slip(&mut self, place: impl Fn(usize) -> DVec3) -> bool {
+        let Response {
+            tangent,
+            grip,
+            inertia,
+            ..
+        } = self.response;
         let displacement = self.displacement(place);
         let gap = self.gap + self.normal.dot(displacement);
         let most = self.friction * tangent.force_at(gap).max(0.0);
+        let small = NEARLY * most + SMALL * inertia * self.thickness;
         let slip = along_surface(self.normal, self.pull / grip + displacement);
-        let had = along_surface(self.normal, self.force_at(displacement));
-        let wrong = (had - drag(self.normal, slip, grip, most).force).length();
-        let slides = grip * slip.length() > most;
-        let sticking = if slides { Sticking::Slides(slip, most) } else { Sticking::Sticks };
-        (sticking, wrong - WRONG * most)
+        let force = grip * slip.length();
+        let turns = |at: DVec3| slip.dot(at) < STRAIGHT * slip.length() * at.length();
+        self.sticking = match self.sticking {
+            Sticking::Sticks if force > most + small => Sticking::Slides(slip, most),
+            Sticking::Slides(at, was) if slip.dot(at) < 0.0 || force < most - small => {
+                if was < small {
+                    return false;
+                }
+                Sticking::Sticks
+            }
+            Sticking::Slides(at, was)
+                if (was - most).abs() > small || most > small && turns(at) =>
+            {
+                Sticking::Slides(slip, most)
+            }
+            _ => return false,
+        };
+        self.response = Response::default();
+        true
     }
 
     /// Returns true if it pushes where this one of the same pair does.
@@ -250,8 +265,8 @@ impl Collision {
         };
         let most = self.friction * barrier.bears(&tangent, self.gap, estimate);
         let inertia = self.mass / (time * time);
-        let firm = barrier.holds(self.gap);
-        let grip = inertia.max(firm.unwrap_or(0.0));
+        let firm = self.pressure.firm(self.gap, self.thickness);
+        let grip = firm.map_or(inertia, |firm| inertia.max(SHEAR * firm.stiffness));
         let slip = along_surface(self.normal, self.pull / grip + displacement);
         if matches!(self.sticking, Sticking::Unknown) {
             let slid = self.pull.length() > SLID * most;
@@ -340,22 +355,11 @@ impl Collisions {
     }
 
     /// Sees at the end of the last solve, where the points are at `place` `[m]`, which firm collisions stick.
-    /// Returns true if of the friction with a body more than [`WRONG`] is not as the solve took it to be; it is
-    /// in the next one.
+    /// Returns true if some do not do as the solve took them to do; the next one will.
     pub(super) fn see_slips(&mut self, place: impl Fn(usize) -> DVec3) -> bool {
-        let seen: Vec<_> = self.list.iter().map(|one| one.sees_slip(&place)).collect();
-        // Of each body, so that a firm hand hides nothing of a weak one.
-        let mut wrong = BTreeMap::<usize, f64>::new();
-        for (collision, (_, more)) in self.list.iter().zip(&seen) {
-            *wrong.entry(collision.body).or_default() += more;
-        }
-        for (collision, (sticking, _)) in self.list.iter_mut().zip(seen) {
-            if wrong[&collision.body] > 0.0 {
-                collision.sticking = sticking;
-                collision.response = Response::default();
-            }
-        }
-        wrong.values().any(|more| *more > 0.0)
+        let collisions = self.list.iter_mut();
+        let slipped = collisions.filter_map(|collision| collision.sees_slip(&place).then_some(()));
+        slipped.count() > 0
     }
 
     /// Begins a stage: what is expected of its end without a push is the next estimate.
@@ -488,7 +492,6 @@ mod tests {
                 other: 0,
             },
             corners: [0, 1, 2, 3],
-            body: 0,
             weights: [1.0, -0.2, -0.3, -0.5],
             normal: DVec3::new(0.3, 0.9, -0.2).normalize(),
             gap: 6e-4,

@@ -3,6 +3,7 @@
 
 use glam::DVec3;
 use selvedge_cloth::Impulse;
+use selvedge_contact::CollisionMesh;
 
 use super::collisions::Collisions;
 
@@ -43,6 +44,7 @@ impl ObstacleImpulses {
     /// the next one looks back to.
     pub(super) fn add_forces(
         &mut self,
+        surface: &CollisionMesh,
         place: impl Fn(usize) -> DVec3,
         impulse: impl Fn(DVec3, Option<DVec3>) -> [DVec3; 2],
         collisions: &Collisions,
@@ -51,7 +53,9 @@ impl ObstacleImpulses {
         self.forces.fill(Impulse::ZERO);
         self.before.clone_from(&self.all);
         for collision in &collisions.list {
-            if let Some(own) = collision.body.checked_sub(1) {
+            let first = surface.body_of(collision.corners[0]);
+            let body = first.max(surface.body_of(collision.corners[3]));
+            if let Some(own) = body.checked_sub(1) {
                 let whole: f64 = collision.weights.iter().sum();
                 let displacement = collision.displacement(&place);
                 let force = -collision.force_at(displacement);

@@ -8,7 +8,6 @@ use selvedge_contact::{Kind, Pair};
 use super::barrier::Tangent;
 use super::narrow_phase::ClosePair;
 use super::real::Real;
-use crate::lists::Lists;
 
 /// Gap, as a part of that at which the push begins, below which it goes on straight.
 const CRUSHED: f64 = 0.15;
@@ -54,7 +53,7 @@ pub(super) struct Pressure<N = f64> {
     /// b, as a part of the thickness.
     begin: f64,
     /// Force from which friction holds firmly `[N]`.
-    pub(super) firm: f64,
+    firm: f64,
     /// True if it bears slowly what lies still, and not what falls: its push does not grow beyond `pressed`.
     pub(super) is_slow: bool,
     /// Compression up to which it bore slowly at the end of the last substep, as a part of b.
@@ -165,10 +164,8 @@ pub(super) struct Squeeze {
     pressures: Vec<Pressure>,
     /// Mean mass per area of the cloth `[kg/m²]`.
     density: f64,
-    /// Which are squeezed between bodies, which these or joined to one, and a side from which a body pushes,
-    /// `[vertices]`.
+    /// Which are squeezed between bodies, and a side from which one pushes, `[vertices]`.
     squeezed: Vec<bool>,
-    beside: Vec<bool>,
     sides: Vec<DVec3>,
 }
 
@@ -205,24 +202,23 @@ impl Squeeze {
             pressures: pressures.collect(),
             density: mass.iter().sum::<f64>() / all,
             squeezed: vec![false; mass.len()],
-            beside: vec![false; mass.len()],
             sides: vec![DVec3::ZERO; mass.len()],
         }
     }
 
     /// Sees which vertices of the cloth are squeezed: bodies push them from two opposite sides, as the
     /// fingers of a hand do, themselves or through layers of cloth. What lies, hangs or falls on one bears
-    /// softly, with the barrier alone. Vertices are `joined` by edges.
-    pub(super) fn see<'a>(&mut self, near: impl Iterator<Item = &'a ClosePair>, joined: &Lists) {
+    /// softly, with the barrier alone.
+    pub(super) fn see<'a>(&mut self, near: impl Iterator<Item = &'a ClosePair>) {
         self.squeezed.fill(false);
         self.sides.fill(DVec3::ZERO);
-        let near = near.filter(|near| near.pair.kind == Kind::VertexFace);
-        let (layers, mut bodies): (Vec<_>, Vec<_>) = near.partition(|near| near.body == 0);
-        // What is farther than two sides does not hide that they are opposite.
-        bodies.sort_by(|a, b| a.distance.total_cmp(&b.distance));
-        for near in bodies {
-            let corners = near.pair.corners.iter().zip(near.gap.weights);
-            for (corner, weight) in corners.filter(|(_, weight)| *weight != 0.0) {
+        let mut layers = Vec::new();
+        for near in near.filter(|near| near.pair.kind == Kind::VertexFace) {
+            if near.body == 0 {
+                layers.push(near);
+                continue;
+            }
+            for (corner, weight) in near.pair.corners.iter().zip(near.gap.weights) {
                 self.press(*corner, near.gap.normal * weight.signum());
             }
         }
@@ -242,12 +238,6 @@ impl Squeeze {
                         goes_on |= self.press(vertex, side);
                     }
                 }
-            }
-        }
-        self.beside.clone_from(&self.squeezed);
-        for (own, _) in self.squeezed.iter().enumerate().filter(|(_, is)| **is) {
-            for other in joined.of(own) {
-                self.beside[*other as usize] = true;
             }
         }
     }
@@ -295,34 +285,31 @@ impl Squeeze {
                 Kind::EdgeEdge => Pressure::NONE,
             };
         }
-        // Rims press on faces beside what is squeezed as well.
-        let all = if is_of_core { &self.squeezed } else { &self.beside };
-        let is_near = |corner: &u32| all.get(*corner as usize) == Some(&true);
+        if !pair.corners.iter().any(is_squeezed) {
+            return match pair.kind {
+                Kind::VertexFace if own < self.pressures.len() => self.pressures[own].slow(),
+                // There are two faces to a vertex.
+                Kind::VertexFace if is_of_core => {
+                    self.pressures[pair.corners[1] as usize].slow().halved()
+                }
+                _ => Pressure::NONE,
+            };
+        }
         match pair.kind {
-            Kind::VertexFace if self.squeezed.get(own) == Some(&true) => self.pressures[own],
-            Kind::VertexFace if own < self.pressures.len() => self.pressures[own].slow(),
-            _ if pair.corners.iter().any(is_near) => Pressure {
+            Kind::VertexFace if own < self.pressures.len() => self.pressures[own],
+            _ => Pressure {
                 least: RIM_PRESSURE * mean_mass / self.density,
                 rise: RIM_RISE,
                 begin: RIM,
-                firm: FIRM * mean_mass / self.density,
                 ..Pressure::NONE
             },
-            // There are two faces to a vertex.
-            Kind::VertexFace if is_of_core => {
-                self.pressures[pair.corners[1] as usize].slow().halved()
-            }
-            _ => Pressure::NONE,
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use selvedge_contact::Gap;
-
     use super::super::barrier::Barrier;
-    use super::super::collisions::Met;
     use super::*;
 
     const LYING: Pressure = Pressure {
@@ -340,67 +327,6 @@ mod tests {
         pressed: 0.0,
         ..LYING
     };
-
-    /// Which of three vertices, a face, are squeezed by bodies that push them or it with these weights and directions
-    /// at these distances.
-    fn squeezed_by(all: &[([u32; 4], [f64; 4], DVec3, f64)]) -> Vec<bool> {
-        let none = || vec![false; 3];
-        let mut squeeze = Squeeze {
-            pressures: vec![SQUEEZED; 3],
-            density: 0.2,
-            squeezed: none(),
-            beside: none(),
-            sides: vec![DVec3::ZERO; 3],
-        };
-        let near = all
-            .iter()
-            .map(|(corners, weights, normal, distance)| ClosePair {
-                pair: Pair {
-                    kind: Kind::VertexFace,
-                    first: corners[0],
-                    second: 0,
-                    corners: *corners,
-                },
-                body: 1,
-                gap: Gap {
-                    distance: *distance,
-                    normal: *normal,
-                    weights: *weights,
-                },
-                distance: *distance,
-                share: 1.0,
-                met: Met::Start,
-                caught: None,
-            });
-        let near: Vec<_> = near.collect();
-        squeeze.see(near.iter(), &Lists::group(3, &[]));
-        squeeze.squeezed
-    }
-
-    const AT_BODY: [f64; 4] = [1.0, -0.2, -0.3, -0.5];
-
-    /// It hid the other side for a substep, and a closed grip let a vertex go.
-    #[test]
-    fn what_is_farther_than_two_sides_does_not_hide_that_they_are_opposite() {
-        let askew = (DVec3::X + 2.0 * DVec3::Y).normalize();
-        let pushes = [
-            ([0, 5, 6, 7], AT_BODY, askew, 9e-4),
-            ([0, 6, 7, 8], AT_BODY, DVec3::X, 3e-4),
-            ([0, 9, 10, 11], AT_BODY, -DVec3::X, 3e-4),
-        ];
-        assert_eq!(squeezed_by(&pushes), [true, false, false]);
-        assert_eq!(squeezed_by(&pushes[..2]), [false; 3]);
-    }
-
-    /// It counted as pushed against the direction of the push, and so as squeezed by one ball.
-    #[test]
-    fn the_corner_across_from_where_an_edge_is_pushed_is_not() {
-        let pushes = [
-            ([5, 0, 1, 2], [1.0, -0.4, -0.6, 0.0], DVec3::Y, 3e-4),
-            ([2, 5, 6, 7], AT_BODY, -DVec3::Y, 4e-4),
-        ];
-        assert_eq!(squeezed_by(&pushes), [false; 3]);
-    }
 
     /// What is expected without a push does not know of the other body. A side that was left out for that let
     /// cloth be pressed out, by 72 µm across and 2.9 mm along.

@@ -66,6 +66,7 @@ impl Contact {
             let collisions = &active.system.collisions;
             let (looked_back, point) = (self.looked_back, active.point(self.looked_back));
             self.received.add_forces(
+                &self.mesh,
                 |v| self.start[v].lerp(self.end[v], point),
                 |force, carried| active.impulse(left, force, carried.filter(|_| looked_back)),
                 collisions,

@@ -119,8 +119,8 @@ fn layers_between_fingers_bear_on_each_other_as_on_the_fingers() {
             let slips = inner.map(|v| (now[*v] - start[*v] - DVec3::Y * 0.05).length());
             let slip = slips.fold(0.0, f64::max);
             println!("{layers} {squares} {substeps}: push {error:.3} beside, slip {slip:.2e} m");
-            assert!(error.abs() < 0.12, "{layers} {squares} {substeps}: {error}");
-            assert!(slip < 2e-4, "{layers} {squares} {substeps}: {slip}");
+            assert!(error.abs() < 0.1, "{layers} {squares} {substeps}: {error}");
+            assert!(slip < 5e-4, "{layers} {squares} {substeps}: {slip}");
         }
     }
 }
@@ -211,44 +211,6 @@ fn a_grip_that_is_too_weak_for_the_weight_slips() {
             let fallen = start - simulator.positions_f64()[0].y;
             println!("{substeps}: {part} of the weight, falls by {fallen} m");
             assert_eq!(fallen < 0.01, holds, "{substeps} {part}: {fallen}");
-        }
-    }
-}
-
-/// Of fingers that open by 1 µm a frame: 2 μ N over the weight, N that of six frames, when all between them slips by
-/// 2 cm/s. The cloth drapes around them, and its facets stand on their rims.
-#[test]
-fn a_grip_that_opens_slips_at_the_weight() {
-    let weight = DENSITY * WIDTH * WIDTH * GRAVITY;
-    for squares in [6, 8, 12] {
-        let scene = gripped(squares, GRAY, 6e-4, &[]);
-        for substeps in [1, 2, 4] {
-            let mut simulator = closed(&scene, substeps);
-            let own = between(&scene, simulator.positions_f64(), 1.0);
-            let (mut pushes, mut slips) = (vec![], false);
-            while !slips && pushes.len() < 900 {
-                let opened = 1e-6 * pushes.len() as f64;
-                for (body, side) in [-DVec3::X, DVec3::X].into_iter().enumerate() {
-                    simulator.lead_obstacle(body, side * opened).unwrap();
-                }
-                let before = simulator.positions_f64().to_vec();
-                steps(&mut simulator, &let_go(&scene), 1);
-                let now = simulator.positions_f64();
-                let ways = own.iter().map(|v| before[*v].y - now[*v].y);
-                slips = ways.fold(f64::INFINITY, f64::min) * 60.0 > 0.02;
-                let impulses = simulator.obstacle_impulses();
-                pushes.push(30.0 * impulses.iter().map(|one| one.x.abs()).sum::<f64>());
-            }
-            let last = &pushes[pushes.len() - 6..];
-            let ratio = 2.0 * FRICTION * last.iter().sum::<f64>() / 6.0 / weight;
-            println!(
-                "{squares} {substeps}: {slips} after {}, {ratio:.3}",
-                pushes.len()
-            );
-            assert!(
-                slips && (ratio - 1.0).abs() < 0.1,
-                "{squares} {substeps}: {ratio}"
-            );
         }
     }
 }

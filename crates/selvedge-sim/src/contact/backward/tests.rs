@@ -345,7 +345,11 @@ impl Collision {
                 barrier.at(at, gap)
             }
         };
-        let grip = barrier.holds(gap).unwrap_or(inertia).greater(inertia);
+        let firm = pressure.firm(gap, self.thickness);
+        let grip = match firm {
+            Some(firm) => inertia.greater(firm.stiffness * SHEAR),
+            None => inertia,
+        };
         let pull = across::<N>(normal, vector(numbers, ANCHOR));
         let slip_at = |displacement: N::Vector| across::<N>(normal, pull / grip + displacement);
         let zero = one.same(0.0);
