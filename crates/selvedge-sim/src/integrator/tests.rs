@@ -651,6 +651,7 @@ fn hanging(fabric: &str) -> Scene {
     let mut material: selvedge_cloth::Material = toml::from_str(fabric).unwrap();
     material.damping = 3e-3;
     let mut scene = Scene::of("forward", mesh, handles, material);
+    scene.physics.even_bending = true;
     scene.physics.solver = LinearSolver::Cholesky;
     scene.environment.wind = DVec3::new(0.5, 0.3, -2.0);
     scene.environment.air_drag = 0.05;

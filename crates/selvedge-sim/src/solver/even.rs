@@ -18,7 +18,7 @@ const PLATE: [f64; 6] = [1.0, 1.0, -1.0 / 3.0, 8.0 / 3.0, 0.0, 0.0];
 /// Sweeps over the six conditions of a vertex: as many as leave little of the error, and factors
 /// near 1.
 const SWEEPS: usize = 10;
-/// Bounds of a factor; and of the mean factor around a vertex: squares with diagonals cannot be even.
+/// Bounds of a factor; and how far the mean factor around a vertex may be from 1: beyond, all there are 1.
 const BOUNDS: [f64; 2] = [0.3, 2.0];
 const MOST_SHIFT: f64 = 0.6;
 /// Square of a patch's energies, over that of a plate, which is small beside any that it can have:
